@@ -160,7 +160,11 @@ impl LiftDetector {
         };
         let of_side = |side: Side| {
             let [front, rear] = side.wheels().map(part);
-            if front.value > rear.value { front } else { rear }
+            if front.value > rear.value {
+                front
+            } else {
+                rear
+            }
         };
         let [fl, fr, rl, rr] = Wheel::ALL.map(part);
         let [left, right] = Side::ALL.map(of_side);

@@ -4,6 +4,7 @@
 
 mod channels;
 mod compare;
+mod flights;
 mod forces;
 mod innovations;
 mod landings;
@@ -27,7 +28,7 @@ use store::{Attachment, Reader, Record, Selection, Stage};
 
 pub use channels::Channels;
 pub use compare::{Comparison, Difference, compare};
-pub use forces::ForceScore;
+pub use forces::{ForceScore, LowPassedScore};
 pub use innovations::{InnovationScore, innovations, innovations_json};
 pub use landings::LandingScore;
 pub use lifts::{Lift, Lifts, OffGround, WarningLeads};
@@ -40,7 +41,7 @@ const SLIP_SPEED_MIN_M_S: f64 = 3.0;
 const INTERVAL_S: f64 = 0.01;
 /// Longest delay that is looked for, intervals.
 const DELAY_MAX: usize = 50;
-/// Number of instants that are compared together: 82 s. Memory does not grow with the length of a log.
+/// Instants that are compared together: 82 s. Memory does not grow with the length of a log.
 const PART_PAIRS: usize = 8192;
 /// Why a log could not be scored.
 #[derive(Debug, thiserror::Error)]
@@ -123,22 +124,12 @@ pub struct Score {
     pub events: BTreeMap<&'static str, usize>,
 }
 
-/// Tyre forces after a Butterworth low-pass of fourth order, forward and backward, which estimate and
-/// truth pass alike.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LowPassedScore {
-    /// Corner of the low-pass, Hz.
-    pub hz: f64,
-    /// Tyre forces of each output, by frame, without standard deviations.
-    pub forces: Vec<ForceScore>,
-}
-
 /// What is scored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScoreOptions {
     /// Causal (`Stage::Estimate`) or smoothed (`Stage::Smoothed`) estimates.
     pub stage: Stage,
-    /// Time at the start that is left out, s; of events only if it is more than `SETTLING_S`.
+    /// Time at the start that is left out, s; of events only above `SETTLING_S`.
     pub from_s: f64,
     /// Corner of a low-pass after which the forces are compared, too, Hz: within [`LOW_PASS_HZ`].
     pub low_pass_hz: Option<f64>,
@@ -163,16 +154,16 @@ const SETTLING_S: f64 = 2.0;
 /// # Errors
 /// If the log cannot be read, has no truth, no estimate or no vehicle.
 pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreError> {
+    let low_pass_hz = None;
     let options = ScoreOptions {
         stage,
         from_s,
-        low_pass_hz: None,
+        low_pass_hz,
     };
     score_with(reader, options, &mut |_| Ok(()))
 }
 
-/// The same with all options; `progress` is called with the part of the log that was read, from 0 to 1,
-/// and ends the work by an error.
+/// The same with all options; `progress` is called with the part that was read, 0 to 1, and ends it by an error.
 ///
 /// # Errors
 /// As [`score()`], and the error of `progress`.
@@ -494,15 +485,6 @@ impl Score {
             "road": self.road.as_ref().map(Roads::to_json),
             "channels": self.channels.as_ref().map(Channels::to_json),
             "events": self.events,
-        })
-    }
-}
-
-impl LowPassedScore {
-    fn to_json(&self) -> Value {
-        json!({
-            "hz": self.hz,
-            "forces": self.forces.iter().map(ForceScore::to_json).collect::<Vec<_>>(),
         })
     }
 }

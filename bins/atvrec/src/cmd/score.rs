@@ -2,7 +2,8 @@
 
 use report::score::{
     Channels, Comparison, ForceScore, InnovationScore, LandingScore, Lifts, Roads, Score,
-    ScoreError, ScoreOptions, SurfaceChanges, compare, innovations, innovations_json, score_methods, score_with,
+    ScoreError, ScoreOptions, SurfaceChanges, compare, innovations, innovations_json,
+    score_methods, score_with,
 };
 use sample::Wheel;
 use store::{Reader, Stage};

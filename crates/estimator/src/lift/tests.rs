@@ -76,7 +76,8 @@ fn lifts_that_take_longer_than_three_tenths_of_a_second_are_warned_of_in_time() 
     for fall_s in [0.35, 0.5, 1.0, 2.0, 5.0] {
         let lift_s = lift_s(2.0, fall_s);
         let found = events(lift_s + 1.0, false, |t| [falling(t, 2.0, fall_s), 1.0, 1.0]);
-        let [(warned_s, EventKind::LiftWarning(Wheel::FrontLeft, told_s))] = warnings(&found)[..] else {
+        let [(warned_s, EventKind::LiftWarning(Wheel::FrontLeft, told_s))] = warnings(&found)[..]
+        else {
             panic!("{fall_s} s: {found:?}");
         };
         let lead_s = lift_s - warned_s;
@@ -104,13 +105,23 @@ fn the_second_wheel_and_the_side_are_warned_of_in_time() {
         })
         .collect();
     let lead_s = |of: Option<Wheel>, lift_s: f64| {
-        let [(_, at_s)] = leads.iter().filter(|found| found.0 == of).collect::<Vec<_>>()[..] else {
+        let [(_, at_s)] = leads
+            .iter()
+            .filter(|found| found.0 == of)
+            .collect::<Vec<_>>()[..]
+        else {
             panic!("{leads:?}");
         };
         lift_s - at_s
     };
-    assert!((1.0..2.5).contains(&lead_s(Some(Wheel::FrontLeft), first_s)), "{leads:?}");
-    assert!((0.7..2.0).contains(&lead_s(Some(Wheel::RearLeft), second_s)), "{leads:?}");
+    assert!(
+        (1.0..2.5).contains(&lead_s(Some(Wheel::FrontLeft), first_s)),
+        "{leads:?}"
+    );
+    assert!(
+        (0.7..2.0).contains(&lead_s(Some(Wheel::RearLeft), second_s)),
+        "{leads:?}"
+    );
     assert!((0.7..2.0).contains(&lead_s(None, second_s)), "{leads:?}");
 }
 

@@ -151,7 +151,11 @@ impl Watch {
             self.warned = false;
         }
         let least = [t.slow_steps, t.quick_steps, t.steady_steps];
-        let due = self.steps.iter().zip(least).position(|(n, least)| *n >= least)?;
+        let due = self
+            .steps
+            .iter()
+            .zip(least)
+            .position(|(n, least)| *n >= least)?;
         if self.warned {
             return None;
         }

@@ -34,6 +34,16 @@ pub struct ForceScore {
     pub windows: Option<Consistency>,
 }
 
+/// Tyre forces after a Butterworth low-pass of fourth order, forward and backward, which estimate and
+/// truth pass alike.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LowPassedScore {
+    /// Corner of the low-pass, Hz.
+    pub hz: f64,
+    /// Tyre forces of each output, by frame, without standard deviations.
+    pub forces: Vec<ForceScore>,
+}
+
 /// The frames in which an output is compared: of the truth, and of the estimate. The first is the one
 /// that the output is given in: the wheel-carrier frame, or the contact frame in logs of earlier
 /// versions. Its estimate is compared with the truth of the other frame, too, unless it is given in
@@ -240,7 +250,11 @@ impl LowPassedInFrame {
             for (wheel, (filter, errors)) in Wheel::ALL.into_iter().zip(wheels) {
                 let own_n = estimate.forces(self.estimate)[wheel].force_n[axis];
                 let true_n = truth.forces(self.truth)[wheel].force_n[axis];
-                filter.push(truth.time, [own_n, true_n, 0.0], &mut |[own_n, true_n, _]| {
+                filter.push(truth.time, [own_n, true_n, 0.0], &mut |[
+                    own_n,
+                    true_n,
+                    _,
+                ]| {
                     errors.push(&[own_n], &[true_n]);
                 });
             }
@@ -290,6 +304,17 @@ impl ForceScore {
             "nees": self.nees,
             "nees_median": self.nees_median,
             "windows": self.windows.as_ref().map(super::consistency_json),
+        })
+    }
+}
+
+impl LowPassedScore {
+    /// As JSON, by the keys of `docs/score.md`.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        json!({
+            "hz": self.hz,
+            "forces": self.forces.iter().map(ForceScore::to_json).collect::<Vec<_>>(),
         })
     }
 }

@@ -3,7 +3,7 @@
 use sample::{Estimate, ForceFrame, LogTime, PerWheel, Wheel};
 use serde_json::{Value, json};
 
-use super::lifts::Flights;
+use super::flights::Flights;
 use super::{Pairs, contact_load_n};
 
 /// Time after a landing in which the peak is looked for, s.

@@ -4,11 +4,8 @@ use sample::{Estimate, Event, EventKind, LogTime, PerWheel, Side, Wheel};
 use serde_json::{Value, json};
 
 use super::contact_load_n;
+use super::flights::{Flight, Flights};
 
-/// A wheel is off the ground while the load in the contact frame is below this part of its static load.
-const LIFTED: f64 = 0.02;
-/// A wheel is off the ground for at least this time, s.
-const LIFT_MIN_S: f64 = 0.1;
 /// A declared lift is false if the load does not fall below this part of the static load ...
 const NEARLY_LIFTED: f64 = 0.1;
 /// ... within this time of the declaration, s. A lift is missed if it is not declared within this time
@@ -20,8 +17,6 @@ const LIGHT: f64 = 0.15;
 const WARNING_S: f64 = 2.0;
 /// A warning belongs to a lift that follows within this time, s.
 const WARNING_LEAD_MAX_S: f64 = 10.0;
-/// Part of the static load from which the fall of the load is measured.
-const FALL_FROM: f64 = 0.25;
 /// A warning is due before a lift whose load fell for at least this time, s ...
 const FALL_MIN_S: f64 = 0.3;
 /// ... this part of that time before the lift, ...
@@ -164,70 +159,6 @@ impl Lift {
             "fall_s": self.fall_s,
             "warning_due_s": self.warning_due_s(),
         })
-    }
-}
-
-/// A time off the ground.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Flight {
-    begin_s: f64,
-    pub end_s: f64,
-    fall_s: Option<f64>,
-}
-
-impl Flight {
-    /// Whether it is long enough for a lift.
-    pub fn is_lift(&self) -> bool {
-        self.end_s - self.begin_s >= LIFT_MIN_S - 1e-9
-    }
-}
-
-/// Finds the times at which a wheel or side is off the ground.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Flights {
-    /// Whether the wheel was on the ground since the start. What begins in the air does not count.
-    was_down: bool,
-    /// The flight so far.
-    flight: Option<Flight>,
-    /// When the load was last a quarter of the static load, since the last lift.
-    loaded_s: Option<f64>,
-    /// Time of the last load.
-    last_s: f64,
-}
-
-impl Flights {
-    /// Takes the next load, as a part of the static load. Returns a flight that ends.
-    pub fn push(&mut self, at_s: f64, part: f64) -> Option<Flight> {
-        self.last_s = at_s;
-        if part.is_nan() {
-            return None;
-        }
-        if part >= LIFTED {
-            self.was_down = true;
-            let ended = self.finish();
-            if part >= FALL_FROM {
-                self.loaded_s = Some(at_s);
-            }
-            return ended;
-        }
-        if self.was_down {
-            self.flight.get_or_insert(Flight {
-                begin_s: at_s,
-                end_s: at_s,
-                fall_s: self.loaded_s.map(|loaded_s| at_s - loaded_s),
-            });
-        }
-        None
-    }
-
-    /// Ends a flight at the last load.
-    pub fn finish(&mut self) -> Option<Flight> {
-        let mut flight = self.flight.take()?;
-        flight.end_s = self.last_s;
-        if flight.is_lift() {
-            self.loaded_s = None;
-        }
-        Some(flight)
     }
 }
 

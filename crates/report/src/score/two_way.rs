@@ -188,7 +188,10 @@ mod tests {
         filter.finish(&mut |values| found.push(values));
         assert_eq!(found.len(), 1990);
         for [a, b, kept] in found {
-            assert!((a - 3.0).abs() < 1e-12 && (b + 2.0).abs() < 1e-12, "{a} {b}");
+            assert!(
+                (a - 3.0).abs() < 1e-12 && (b + 2.0).abs() < 1e-12,
+                "{a} {b}"
+            );
             assert!((kept - 1.0).abs() < 1e-15, "{kept}");
         }
     }

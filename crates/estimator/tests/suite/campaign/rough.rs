@@ -9,7 +9,7 @@ use testkit::truth;
 
 /// Drives of the bounded campaign and of the whole one.
 const BOUNDED: u64 = 6;
-const WHOLE: u64 = 1000;
+const WHOLE: u64 = 200;
 const ROUGH: Ground = Ground {
     runs: &[
         "r1_iso_c_a",
@@ -125,8 +125,8 @@ fn judge_exclusions(outcomes: &[Outcome]) {
             let begin_s = fault.span_s.start;
             let in_time = begin_s..begin_s + FOUND_S;
             let mut excluded = outcome.excluded.iter();
-            let found = excluded
-                .any(|(at_s, name)| in_time.contains(at_s) && is_of(fault, *at_s, name));
+            let found =
+                excluded.any(|(at_s, name)| in_time.contains(at_s) && is_of(fault, *at_s, name));
             let text = format!("{:?} {:?}", fault.channel, fault.kind);
             let key = text.split(['(', ' ']).next().unwrap_or_default().to_owned();
             let kind = format!("{:?}", fault.kind);
