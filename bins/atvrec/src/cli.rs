@@ -339,6 +339,10 @@ pub struct ScoreArgs {
     /// the vehicle model alone.
     #[arg(long, conflicts_with_all = ["against", "innovations"])]
     pub methods: bool,
+    /// Compare the forces after a low-pass, too: Butterworth of fourth order with this corner, forward
+    /// and backward, estimate and truth alike.
+    #[arg(long = "low-pass", value_name = "HZ", value_parser = number::low_pass_hz, conflicts_with_all = ["against", "innovations"], allow_negative_numbers = true)]
+    pub low_pass_hz: Option<f64>,
     /// Ignore the first seconds, in which the estimator converges.
     #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: f64,

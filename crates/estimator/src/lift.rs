@@ -7,15 +7,14 @@
 //! fraction of the static load that grows with the standard deviation of the load up to a tenth: a load that
 //! is known to a newton need not be given a margin.
 //!
-//! A fading-memory filter of value, slope and curvature follows the load. A warning is given when the load,
-//! extrapolated along its parabola, reaches zero within the lead time while most of it is gone already. The
-//! load of a wheel on the inner side of a sine or a slalom turns before it reaches zero, and its curvature
-//! shows that ahead. On rough ground the wheels lift for moments without any trend of the load: there only
-//! sides are warned of.
+//! Warnings have rules of their own, see `warning.rs`.
+
+mod warning;
 
 use sample::{Event, EventKind, LogTime, PerWheel, Rollover, Side, TyreForce, Wheel};
 
 use crate::tuning::LiftTuning;
+use warning::{Part, Scope, Trend, Warning, Watch};
 
 /// A wheel or a side.
 #[derive(Clone, Copy, Debug)]
@@ -32,14 +31,11 @@ struct LoadState {
     static_n: f64,
     /// Limits of up and down, N.
     thresholds_n: [f64; 2],
-    load_n: f64,
-    rate_n_s: f64,
-    curvature_n_s2: f64,
+    /// The load in N, by which the time to lift is reported.
+    trend_n: Trend,
+    watch: Watch,
     up: bool,
-    warned: bool,
     below: u32,
-    falling: u32,
-    calm: u32,
 }
 
 /// Monitors the loads of all wheels and of both sides.
@@ -106,13 +102,17 @@ impl LiftDetector {
         let loads = of_all(input.forces);
         let lagged = of_all(input.lagged.unwrap_or(input.forces));
         let [fl, fr, rl, rr, left, right] = loads;
+        let parts = self.parts(&[fl, fr, rl, rr]);
         let (ratio, ratio_sigma) = transfer_ratio(left, right);
         let states = self.wheels.iter_mut().chain(&mut self.sides);
-        for (state, (load, lagged)) in states.zip(loads.into_iter().zip(lagged)) {
+        for (state, ((load, part), lagged)) in states.zip(loads.into_iter().zip(parts).zip(lagged))
+        {
             if !load.value_n.is_finite() {
                 continue;
             }
-            state.follow(load.value_n, dt);
+            let keep = state.tuning.keep;
+            state.trend_n.follow(load.value_n, keep, dt);
+            state.watch.follow(part.value, dt, &state.tuning);
             if judged {
                 let instant = Instant {
                     now: input.now,
@@ -121,7 +121,7 @@ impl LiftDetector {
                     } else {
                         0.0
                     },
-                    load,
+                    part,
                     lagged,
                     rough: input.rough,
                     transfer: ratio,
@@ -144,6 +144,31 @@ impl LiftDetector {
             time_to_lift_s: PerWheel(self.wheels.each_ref().map(time_s)),
             time_to_two_wheel_lift_s: self.sides.each_ref().map(time_s),
         }
+    }
+}
+
+impl LiftDetector {
+    /// The loads as parts of the static loads: of a side, that of its more loaded wheel.
+    fn parts(&self, loads: &[Load; 4]) -> [Part; 6] {
+        let part = |wheel: Wheel| {
+            let Load { value_n, sigma_n } = loads[wheel.index()];
+            let static_n = self.wheels[wheel.index()].static_n;
+            Part {
+                value: value_n / static_n,
+                sigma: sigma_n / static_n,
+            }
+        };
+        let of_side = |side: Side| {
+            let [front, rear] = side.wheels().map(part);
+            if front.value > rear.value {
+                front
+            } else {
+                rear
+            }
+        };
+        let [fl, fr, rl, rr] = Wheel::ALL.map(part);
+        let [left, right] = Side::ALL.map(of_side);
+        [fl, fr, rl, rr, left, right]
     }
 }
 
@@ -191,7 +216,8 @@ struct Instant {
     now: LogTime,
     /// How much earlier the lagged load is, s.
     lag_s: f64,
-    load: Load,
+    /// The load that is warned of.
+    part: Part,
     lagged: Load,
     rough: bool,
     /// Load-transfer ratio of the vehicle.
@@ -235,46 +261,24 @@ impl LoadState {
             place,
             static_n,
             thresholds_n: [tuning.up * part_of_n, tuning.down * part_of_n],
-            load_n: static_n,
-            rate_n_s: 0.0,
-            curvature_n_s2: 0.0,
+            trend_n: Trend::new(static_n),
+            watch: Watch::new(),
             up: false,
-            warned: false,
             below: 0,
-            falling: 0,
-            calm: 0,
         }
     }
 
-    /// Value, slope and curvature by least squares with the fading memory `keep` per step (N. Morrison,
-    /// Introduction to Sequential Smoothing and Prediction, 1969, fading-memory polynomial of degree 2).
-    fn follow(&mut self, load_n: f64, dt: f64) {
-        self.load_n += dt * (self.rate_n_s + 0.5 * dt * self.curvature_n_s2);
-        self.rate_n_s += dt * self.curvature_n_s2;
-        let error = load_n - self.load_n;
-        let keep = self.tuning.keep;
-        let fresh = 1.0 - keep;
-        self.load_n += (1.0 - keep * keep * keep) * error;
-        self.rate_n_s += 1.5 * fresh * fresh * (1.0 + keep) * error / dt;
-        self.curvature_n_s2 += fresh * fresh * fresh * error / (dt * dt);
-    }
-
-    /// Whether the load on its parabola reaches zero at all.
-    fn reaches_zero(&self) -> bool {
-        let turns = self.curvature_n_s2 > 0.0;
-        !turns || self.rate_n_s * self.rate_n_s > 2.0 * self.curvature_n_s2 * self.load_n
-    }
-
     fn is_falling(&self) -> bool {
-        self.rate_n_s < -self.tuning.fall_min * self.static_n
+        self.trend_n.rate < -self.tuning.fall_min * self.static_n
     }
 
     /// -N/N' of the filtered load.
     fn time_to_lift_s(&self) -> f64 {
-        if self.up || self.load_n <= 0.0 {
+        let Trend { value, rate, .. } = self.trend_n;
+        if self.up || value <= 0.0 {
             0.0
         } else if self.is_falling() {
-            self.load_n / -self.rate_n_s
+            value / -rate
         } else {
             f64::INFINITY
         }
@@ -314,47 +318,37 @@ impl LoadState {
     }
 
     fn warn(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
-        let t = self.tuning;
-        let trends = !at.rough || matches!(self.place, Place::Side(_));
-        let part = match self.place {
-            Place::Wheel(_) => t.light,
-            Place::Side(_) => t.light_side,
+        let scope = match self.place {
+            _ if self.up => Scope::Nothing,
+            Place::Wheel(_) if at.rough => Scope::Nothing,
+            Place::Side(_) if at.rough => Scope::Slow,
+            _ => Scope::All,
         };
-        let light = trends
-            && self.load_n < part * self.static_n
-            && self.is_falling()
-            && self.reaches_zero();
-        let left_s = self.load_n / -self.rate_n_s;
-        self.falling = if light && left_s < t.lead_s && !self.up {
-            self.falling + 1
-        } else {
-            0
-        };
-        self.calm = if self.load_n > (t.light + t.light_hysteresis) * self.static_n {
-            self.calm + 1
-        } else {
-            0
-        };
-        if self.calm > t.calm_steps {
-            self.warned = false;
-        }
-        if self.falling < t.warning_steps || self.warned {
+        let Some(warning) = self.watch.judge(at.part, scope, &self.tuning) else {
             return;
-        }
-        self.warned = true;
-        let lead_s = left_s.max(0.0);
-        let ahead = self.load_n + self.rate_n_s * t.lead_s;
-        let chance = probability(
-            self.thresholds_n[1] - ahead,
-            (t.filtered_sigma + t.lead_s * t.ahead_sigma) * at.load.sigma_n,
-        );
-        let text = match self.place {
-            Place::Wheel(wheel) => {
-                format!("the {wheel} wheel's load would vanish in {lead_s:.1} s")
-            }
-            Place::Side(side) => format!("both {side} wheels' load would vanish in {lead_s:.1} s"),
         };
-        let onset = at.now.offset_seconds(lead_s);
+        let Warning {
+            lead_s,
+            ahead: [ahead, sigma],
+            part,
+        } = warning;
+        let load = match self.place {
+            Place::Wheel(wheel) => format!("the {wheel} wheel's load"),
+            Place::Side(side) => format!("both {side} wheels' load"),
+        };
+        let (onset, text) = if lead_s.is_finite() {
+            (
+                at.now.offset_seconds(lead_s),
+                format!("{load} would vanish in {lead_s:.1} s"),
+            )
+        } else {
+            let percent = 100.0 * part;
+            (
+                at.now,
+                format!("{load} is {percent:.0} % of the static load"),
+            )
+        };
+        let chance = probability(self.tuning.down - ahead, sigma);
         out(at.event(onset, self.place.warning(lead_s), Some(chance), text));
     }
 }
@@ -387,3 +381,6 @@ fn probability(margin: f64, sigma: f64) -> f64 {
         0.5
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,10 @@ use std::sync::Arc;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
-use report::score::{ForceScore, compare, innovations, innovations_json, score, score_methods};
+use report::score::{
+    ForceScore, LOW_PASS_HZ, ScoreOptions, compare, innovations, innovations_json, score_methods,
+    score_with,
+};
 use sample::LogTime;
 use store::{Reader, Stage, Table};
 
@@ -119,7 +122,14 @@ impl LogReader {
         smoothed: bool,
         from_s: f64,
         methods: bool,
+        low_pass_hz: Option<f64>,
     ) -> PyResult<String> {
+        let [least, most] = LOW_PASS_HZ;
+        if let Some(hz) = low_pass_hz.filter(|hz| !(least..=most).contains(hz)) {
+            return Err(errors::argument(format!(
+                "low_pass_hz = {hz}: must be from {least} to {most} Hz"
+            )));
+        }
         let stage = if smoothed {
             Stage::Smoothed
         } else {
@@ -130,7 +140,14 @@ impl LogReader {
         let found = interrupt::detached(py, move || {
             let found = match against {
                 Some(other) => compare(&reader, &other, stage, from_s).map(|found| found.to_json()),
-                None => score(&reader, stage, from_s).map(|found| found.to_json()),
+                None => {
+                    let options = ScoreOptions {
+                        stage,
+                        from_s,
+                        low_pass_hz,
+                    };
+                    score_with(&reader, options, &mut |_| Ok(())).map(|found| found.to_json())
+                }
             };
             let mut json = found.map_err(|error| errors::score(&error))?;
             if methods {

@@ -4,13 +4,16 @@
 
 mod channels;
 mod compare;
+mod flights;
 mod forces;
 mod innovations;
+mod landings;
 mod lifts;
 mod pass;
 mod road;
 mod signals;
 mod surfaces;
+mod two_way;
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -25,9 +28,10 @@ use store::{Attachment, Reader, Record, Selection, Stage};
 
 pub use channels::Channels;
 pub use compare::{Comparison, Difference, compare};
-pub use forces::ForceScore;
+pub use forces::{ForceScore, LowPassedScore};
 pub use innovations::{InnovationScore, innovations, innovations_json};
-pub use lifts::{Lift, Lifts};
+pub use landings::LandingScore;
+pub use lifts::{Lift, Lifts, OffGround, WarningLeads};
 pub use road::{RoadScore, Roads, RoughnessScore};
 pub use surfaces::{SurfaceChange, SurfaceChanges};
 
@@ -37,7 +41,7 @@ const SLIP_SPEED_MIN_M_S: f64 = 3.0;
 const INTERVAL_S: f64 = 0.01;
 /// Longest delay that is looked for, intervals.
 const DELAY_MAX: usize = 50;
-/// Number of instants that are compared together: 82 s. Memory does not grow with the length of a log.
+/// Instants that are compared together: 82 s. Memory does not grow with the length of a log.
 const PART_PAIRS: usize = 8192;
 /// Why a log could not be scored.
 #[derive(Debug, thiserror::Error)]
@@ -100,6 +104,10 @@ pub struct Score {
     pub signals: Vec<SignalScore>,
     /// Tyre forces of each output, by frame; first those in the frame that they are given in.
     pub forces: Vec<ForceScore>,
+    /// The same after a low-pass, where one was asked for.
+    pub low_passed: Option<LowPassedScore>,
+    /// Peaks of the load after landings, of each output.
+    pub landings: Vec<LandingScore>,
     /// Whether innovations are as large as the filters expect.
     pub innovations: Vec<InnovationScore>,
     /// Lifts of wheels.
@@ -115,6 +123,20 @@ pub struct Score {
     /// How many events of each kind the estimator declared.
     pub events: BTreeMap<&'static str, usize>,
 }
+
+/// What is scored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScoreOptions {
+    /// Causal (`Stage::Estimate`) or smoothed (`Stage::Smoothed`) estimates.
+    pub stage: Stage,
+    /// Time at the start that is left out, s; of events only above `SETTLING_S`.
+    pub from_s: f64,
+    /// Corner of a low-pass after which the forces are compared, too, Hz: within [`LOW_PASS_HZ`].
+    pub low_pass_hz: Option<f64>,
+}
+
+/// Corners of a low-pass that are possible at the rate of the estimates, Hz.
+pub const LOW_PASS_HZ: [f64; 2] = [0.5, 45.0];
 
 /// What is compared: for each instant the estimate and the truth, which several outputs share.
 type Pairs = Vec<(Estimate, Rc<Estimate>)>;
@@ -132,22 +154,26 @@ const SETTLING_S: f64 = 2.0;
 /// # Errors
 /// If the log cannot be read, has no truth, no estimate or no vehicle.
 pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreError> {
-    score_with(reader, stage, from_s, &mut |_| Ok(()))
+    let low_pass_hz = None;
+    let options = ScoreOptions {
+        stage,
+        from_s,
+        low_pass_hz,
+    };
+    score_with(reader, options, &mut |_| Ok(()))
 }
 
-/// The same; `progress` is called with the part of the log that was read, from 0 to 1, and ends the work
-/// by an error.
+/// The same with all options; `progress` is called with the part that was read, 0 to 1, and ends it by an error.
 ///
 /// # Errors
 /// As [`score()`], and the error of `progress`.
 pub fn score_with(
     reader: &Reader,
-    stage: Stage,
-    from_s: f64,
+    options: ScoreOptions,
     progress: &mut dyn FnMut(f64) -> Result<(), ScoreError>,
 ) -> Result<Score, ScoreError> {
     let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
-    let mut pass = Pass::new(&vehicle, stage, from_s);
+    let mut pass = Pass::new(&vehicle, options);
     pass.read(reader, progress)?;
     pass.finish(reader)
 }
@@ -434,6 +460,8 @@ impl Score {
             "signals": signals,
             "forces": self.forces.iter().map(ForceScore::to_json).collect::<Vec<_>>(),
             "forces_nees": self.forces.first().and_then(|own| own.windows.as_ref()).map(consistency_json),
+            "low_passed": self.low_passed.as_ref().map(LowPassedScore::to_json),
+            "landings": self.landings.iter().map(LandingScore::to_json).collect::<Vec<_>>(),
             "innovations": innovations_json(&self.innovations),
             "lifts": lifts(&self.lifts, "wheel"),
             "missed_lifts": self.lifts.missed(),
@@ -441,12 +469,16 @@ impl Score {
             "false_lifts": self.lifts.false_lifts,
             "lift_warnings": self.lifts.warnings,
             "false_lift_warnings": self.lifts.false_warnings,
+            "lift_warning_leads": self.lifts.warning_leads().to_json(),
+            "off_ground": self.lifts.off_ground.to_json(),
             "two_wheel_lifts": lifts(&self.two_wheel_lifts, "side"),
             "missed_two_wheel_lifts": self.two_wheel_lifts.missed(),
             "declared_two_wheel_lifts": self.two_wheel_lifts.declared,
             "false_two_wheel_lifts": self.two_wheel_lifts.false_lifts,
             "two_wheel_lift_warnings": self.two_wheel_lifts.warnings,
             "false_two_wheel_lift_warnings": self.two_wheel_lifts.false_warnings,
+            "two_wheel_lift_warning_leads": self.two_wheel_lifts.warning_leads().to_json(),
+            "two_wheels_off_ground": self.two_wheel_lifts.off_ground.to_json(),
             "surface_changes": changes,
             "missed_surface_changes": surfaces.map(SurfaceChanges::missed),
             "false_surface_changes": surfaces.map(|surfaces| surfaces.false_changes),

@@ -255,13 +255,14 @@ pub struct Event {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
-    /// A wheel's load is predicted to vanish within the lead time (s).
+    /// A wheel's load is predicted to vanish within the lead time (s); infinite: it is light and does not fall.
     LiftWarning(Wheel, f64),
     /// A wheel left the ground.
     Lift(Wheel),
     /// A wheel touched the ground again.
     Touchdown(Wheel),
-    /// The load of both wheels of a side is predicted to vanish within the lead time (s).
+    /// The load of both wheels of a side is predicted to vanish within the lead time (s); infinite: it is
+    /// light and does not fall.
     TwoWheelLiftWarning(Side, f64),
     /// Both wheels of a side left the ground.
     TwoWheelLift(Side),

@@ -95,7 +95,11 @@ impl OutputState {
 
     /// Takes an event. Events of sensors and filters change nothing.
     pub fn event(&mut self, event: &Event) {
-        let until = |lead_s: f64| Some(event.time.offset_seconds(lead_s + WARNING_KEPT_S));
+        // A warning of a load that does not fall names no time.
+        let until = |lead_s: f64| {
+            let lead_s = if lead_s.is_finite() { lead_s } else { 0.0 };
+            Some(event.time.offset_seconds(lead_s + WARNING_KEPT_S))
+        };
         let lift = &mut self.lift;
         match &event.kind {
             EventKind::LiftWarning(wheel, lead_s) => {

@@ -22,6 +22,12 @@ pub fn window_s(text: &str) -> Result<f64, String> {
     within(text, 0.1..=3600.0, "s")
 }
 
+/// Corner of a low-pass at the rate of the estimates.
+pub fn low_pass_hz(text: &str) -> Result<f64, String> {
+    let [least, most] = report::score::LOW_PASS_HZ;
+    within(text, least..=most, "Hz")
+}
+
 /// A multiple of real time.
 pub fn rate(text: &str) -> Result<f64, String> {
     within(text, 0.001..=1e6, "times real time")

@@ -1,8 +1,9 @@
 //! `atvrec score`: compare the estimates of a log with the truth or with the estimates of another log.
 
 use report::score::{
-    Channels, Comparison, ForceScore, InnovationScore, Lifts, Roads, Score, ScoreError,
-    SurfaceChanges, compare, innovations, innovations_json, score_methods, score_with,
+    Channels, Comparison, ForceScore, InnovationScore, LandingScore, Lifts, Roads, Score,
+    ScoreError, ScoreOptions, SurfaceChanges, compare, innovations, innovations_json,
+    score_methods, score_with,
 };
 use sample::Wheel;
 use store::{Reader, Stage};
@@ -45,7 +46,12 @@ pub fn run(args: &ScoreArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let bytes = reader.info().files.iter().map(|(_, bytes)| bytes).sum();
     let progress = Progress::bytes("score", bytes, quiet);
     let interrupt = Interrupt::listen()?;
-    let found = score_with(&reader, stage, args.from_s, &mut |part| {
+    let options = ScoreOptions {
+        stage,
+        from_s: args.from_s,
+        low_pass_hz: args.low_pass_hz,
+    };
+    let found = score_with(&reader, options, &mut |part| {
         progress.set_part(part);
         interrupt.check().map_err(|_| ScoreError::Interrupted)
     })?;
@@ -122,11 +128,16 @@ fn print_score(found: &Score) {
     }
     println!();
     print_forces(&found.forces);
+    if let Some(low_passed) = &found.low_passed {
+        println!("\nforces below {} Hz:", low_passed.hz);
+        print_forces(&low_passed.forces);
+    }
     println!();
     print_innovations(&found.innovations);
     println!();
     print_lifts("lifts", &found.lifts);
     print_lifts("two-wheel lifts", &found.two_wheel_lifts);
+    found.landings.iter().for_each(print_landings);
     if let Some(surfaces) = &found.surface_changes {
         print_surface_changes(surfaces);
     }
@@ -276,12 +287,15 @@ fn print_innovations(found: &[InnovationScore]) {
 fn print_lifts(name: &str, found: &Lifts) {
     for lift in &found.lifts {
         println!(
-            "{} lifts at {:.2} s for {:.2} s: detected {} s later, warning {} s before",
+            "{} lifts at {:.2} s for {:.2} s: detected {} s later, warning {} s before; the load fell \
+             for {} s, warning due {} s before",
             lift.what,
             lift.at_s,
             lift.duration_s,
             optional(lift.declared_after_s, 2),
             optional(lift.warned_before_s, 2),
+            optional(lift.fall_s, 2),
+            optional(lift.warning_due_s(), 2),
         );
     }
     println!(
@@ -292,6 +306,28 @@ fn print_lifts(name: &str, found: &Lifts) {
         found.false_lifts,
         found.warnings,
         found.false_warnings
+    );
+    let leads = found.warning_leads();
+    println!(
+        "{name}: {} warnings due, {} in time, {} late, {} missed; {} lifts without a due warning",
+        leads.due, leads.in_time, leads.late, leads.missed, leads.not_due
+    );
+    let off_ground = &found.off_ground;
+    println!(
+        "{name}: {} times off the ground of any length, {} per km, {:.2} % of the time",
+        off_ground.count,
+        optional(off_ground.per_km, 1),
+        100.0 * off_ground.share_of_time
+    );
+}
+
+fn print_landings(found: &LandingScore) {
+    println!(
+        "landings, {}: {} peaks of the load, error {:.1} % in the mean, standard deviation {} %",
+        found.output,
+        found.count,
+        found.mean_percent,
+        optional(found.standard_deviation_percent, 1)
     );
 }
 

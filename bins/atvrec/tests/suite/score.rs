@@ -78,6 +78,8 @@ fn every_key_is_promised_and_every_promise_kept() {
         "duration_s",
         "declared_after_s",
         "warned_before_s",
+        "fall_s",
+        "warning_due_s",
     ];
     assert_eq!(keys(lift), promised.map(str::to_owned).into());
 }

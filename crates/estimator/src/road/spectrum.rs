@@ -39,11 +39,18 @@ impl Section {
     /// Butterworth section with the corner at `edge`, cycles over cycles of sampling: low-pass or high-pass.
     #[must_use]
     pub fn new(edge: f64, high: bool) -> Self {
+        Self::with_damping(edge, high, std::f64::consts::SQRT_2)
+    }
+
+    /// The same with another `damping`, which is twice the damping ratio: one section of a Butterworth
+    /// filter of higher order.
+    #[must_use]
+    pub fn with_damping(edge: f64, high: bool, damping: f64) -> Self {
         let w = math::tan(std::f64::consts::PI * edge);
-        let scale = 1.0 / (1.0 + std::f64::consts::SQRT_2 * w + w * w);
+        let scale = 1.0 / (1.0 + damping * w + w * w);
         let a = [
             2.0 * (w * w - 1.0) * scale,
-            (1.0 - std::f64::consts::SQRT_2 * w + w * w) * scale,
+            (1.0 - damping * w + w * w) * scale,
         ];
         let b = if high {
             [scale, -2.0 * scale, scale]

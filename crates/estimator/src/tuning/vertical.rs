@@ -45,26 +45,45 @@ tuning! {
         down_by: f64 = 1.5, "1";
         /// Part of the static load above which it is down again.
         down: f64 = 0.06, "1";
-        /// Part of the static load below which a warning is possible.
-        light: f64 = 0.3, "1";
-        /// The same of a side.
-        light_side: f64 = 0.18, "1";
-        /// The load must rise this part of the static load above the warning limit before a further
-        /// warning.
-        light_hysteresis: f64 = 0.1, "1";
+        /// Part of the static load below which the slow filter gives a warning.
+        light: f64 = 0.2, "1";
+        /// The same of the quick filter.
+        quick_light: f64 = 0.21, "1";
+        /// Standard deviations by which the load must be below these limits.
+        light_sigma: f64 = 1.0, "σ";
+        /// Part of the static load by which the slow filter may be below the quick one.
+        overshoot: f64 = 0.05, "1";
+        /// Lead time of the slow filter.
+        lead_s: f64 = 1.4, "s";
+        /// Lead time of the quick filter.
+        quick_lead_s: f64 = 0.9, "s";
+        /// Least fall of the load by the quick filter, as a part of the static load.
+        quick_fall: f64 = 0.25, "1/s";
+        /// Part of the static load below which a steady load gives a warning.
+        steady_light: f64 = 0.205, "1";
+        /// A load that rises more quickly, as a part of the static load, is not steady.
+        steady_rise: f64 = 0.02, "1/s";
+        /// Part of the static load above which the load must be before a further warning.
+        calm: f64 = 0.4, "1";
         /// Steps above that limit before a further warning.
         calm_steps: u32 = 50, "1";
-        /// Lead time of a warning.
-        lead_s: f64 = 2.5, "s";
         /// A load that falls more slowly, as a part of the static load, does not count as falling.
         fall_min: f64 = 0.01, "1/s";
         /// Consecutive steps below the limit that declare a lift: a tenth of a second.
         steps: u32 = 10, "1";
         /// Density of the load's white noise at 10 m/s above which the ground counts as rough.
         rough_density: f64 = 3.0e5, "N²/s";
-        /// Consecutive steps that give a warning.
-        warning_steps: u32 = 20, "1";
-        /// Fading memory per step of the filtered load: half a second.
+        /// Consecutive steps of the slow filter that give a warning.
+        slow_steps: u32 = 10, "1";
+        /// The same of the quick filter.
+        quick_steps: u32 = 2, "1";
+        /// The same of a steady load.
+        steady_steps: u32 = 30, "1";
+        /// Fading memory per step of the slow filter: a third of a second.
+        slow_keep: f64 = 0.95, "1";
+        /// The same of the quick filter: a tenth of a second.
+        quick_keep: f64 = 0.85, "1";
+        /// Fading memory per step of the load by which the time to lift is reported: half a second.
         keep: f64 = 0.97, "1";
         /// Part of one step's standard deviation that remains in the filtered load.
         filtered_sigma: f64 = 0.3, "1";

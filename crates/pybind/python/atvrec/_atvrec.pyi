@@ -97,7 +97,12 @@ class LogReader:
     ) -> list[tuple[dict[str, npt.NDArray[Any]], dict[str, str], list[str]]]: ...
     def enums(self, topic: str) -> dict[str, dict[int, str]]: ...
     def score_json(
-        self, against: LogReader | None, smoothed: bool, from_s: float, methods: bool
+        self,
+        against: LogReader | None,
+        smoothed: bool,
+        from_s: float,
+        methods: bool,
+        low_pass_hz: float | None,
     ) -> str: ...
     def innovations_json(self, from_s: float) -> str: ...
 

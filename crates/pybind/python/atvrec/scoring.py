@@ -124,6 +124,51 @@ class Lift(TypedDict, total=False):
     declared_after_s: float | None
     """None: missed."""
     warned_before_s: float | None
+    fall_s: float | None
+    """How long the load took from 25 to 2 % of the static load; None: it had not been at 25 % since the
+    lift before."""
+    warning_due_s: float | None
+    """How long before the lift a warning is due; None: no warning is due."""
+
+
+class WarningLeads(TypedDict):
+    """How many lifts were warned of in time."""
+
+    due: int
+    """Lifts before which a warning is due."""
+    in_time: int
+    late: int
+    missed: int
+    not_due: int
+    """Lifts whose load falls too quickly for a warning."""
+
+
+class OffGround(TypedDict):
+    """Times off the ground in the truth, lifts and shorter ones."""
+
+    count: int
+    per_km: float | None
+    share_of_time: float
+
+
+class LowPassed(TypedDict):
+    """Tyre forces after a low-pass, which estimate and truth pass alike."""
+
+    hz: float
+    forces: list[Forces]
+    """By output and frame, without standard deviations and moments."""
+
+
+class Landings(TypedDict):
+    """Peaks of the load after the landings in the truth."""
+
+    output: str
+    """``estimate``, ``lagged`` or ``smoothed``."""
+    count: int
+    mean_percent: float
+    """Mean of the errors, of the true peak."""
+    standard_deviation_percent: float | None
+    """None for a single landing."""
 
 
 class SurfaceChange(TypedDict):
@@ -196,6 +241,9 @@ class Score(TypedDict):
     forces: list[Forces]
     """By output and frame; first the frame that the estimate is given in."""
     forces_nees: Consistency | None
+    low_passed: LowPassed | None
+    """None without ``low_pass_hz``."""
+    landings: list[Landings]
     innovations: list[Innovations]
     lifts: list[Lift]
     missed_lifts: int
@@ -203,12 +251,16 @@ class Score(TypedDict):
     false_lifts: int
     lift_warnings: int
     false_lift_warnings: int
+    lift_warning_leads: WarningLeads
+    off_ground: OffGround
     two_wheel_lifts: list[Lift]
     missed_two_wheel_lifts: int
     declared_two_wheel_lifts: int
     false_two_wheel_lifts: int
     two_wheel_lift_warnings: int
     false_two_wheel_lift_warnings: int
+    two_wheel_lift_warning_leads: WarningLeads
+    two_wheels_off_ground: OffGround
     surface_changes: list[SurfaceChange] | None
     missed_surface_changes: int | None
     """Detectable changes that were not declared."""
@@ -279,6 +331,7 @@ def score(
     *,
     smoothed: bool = False,
     from_s: float = 2.0,
+    low_pass_hz: float | None = None,
     methods: Literal[False] = False,
 ) -> Score: ...
 @overload
@@ -287,6 +340,7 @@ def score(
     *,
     smoothed: bool = False,
     from_s: float = 2.0,
+    low_pass_hz: float | None = None,
     methods: Literal[True],
 ) -> ScoreWithMethods: ...
 def score(
@@ -294,6 +348,7 @@ def score(
     *,
     smoothed: bool = False,
     from_s: float = 2.0,
+    low_pass_hz: float | None = None,
     methods: bool = False,
 ) -> Score | ScoreWithMethods:
     """Errors of a log's estimates against the truth that it carries.
@@ -301,11 +356,14 @@ def score(
     The first ``from_s`` seconds of the signals are left out; events of the first seconds count,
     unless ``from_s`` is above 2. ``smoothed`` judges the estimates of
     ``replay --smooth`` in the place of the causal ones. ``methods`` adds the forces of simple methods
-    on the same samples, which takes about as long as a replay.
+    on the same samples, which takes about as long as a replay. ``low_pass_hz`` compares the forces after
+    a Butterworth low-pass of fourth order, forward and backward, too (key ``low_passed``).
 
     Raises :class:`atvrec.LogError` where the log has no truth, estimate or vehicle.
     """
-    found: Score | ScoreWithMethods = _scored(log, None, smoothed, from_s, methods)
+    found: Score | ScoreWithMethods = _scored(
+        log, None, smoothed, from_s, methods, low_pass_hz
+    )
     return found
 
 
@@ -342,10 +400,13 @@ def _scored(
     smoothed: bool,
     from_s: float,
     methods: bool,
+    low_pass_hz: float | None = None,
 ) -> Any:
     against = None if other is None else opened(other)._reader
     reader = opened(log)._reader
-    return json.loads(reader.score_json(against, smoothed, _checked(from_s), methods))
+    return json.loads(
+        reader.score_json(against, smoothed, _checked(from_s), methods, low_pass_hz)
+    )
 
 
 def _checked(from_s: float) -> float:

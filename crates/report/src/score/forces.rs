@@ -5,6 +5,7 @@ use estimator::score::{Distribution, ErrorStatistics, SquareStatistics};
 use sample::{Estimate, ForceFrame, PerWheel, TyreForce, Wheel};
 use serde_json::{Value, json};
 
+use super::two_way::TwoWay;
 use super::{PART_PAIRS, Pairs};
 
 /// Least peak of a moment by which its error is divided, N m.
@@ -31,6 +32,16 @@ pub struct ForceScore {
     pub nees_median: [Option<f64>; 3],
     /// Windows of all twelve forces together.
     pub windows: Option<Consistency>,
+}
+
+/// Tyre forces after a Butterworth low-pass of fourth order, forward and backward, which estimate and
+/// truth pass alike.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LowPassedScore {
+    /// Corner of the low-pass, Hz.
+    pub hz: f64,
+    /// Tyre forces of each output, by frame, without standard deviations.
+    pub forces: Vec<ForceScore>,
 }
 
 /// The frames in which an output is compared: of the truth, and of the estimate. The first is the one
@@ -186,6 +197,93 @@ impl InFrame {
     }
 }
 
+/// Errors of the forces of an output after a low-pass, which estimate and truth pass alike.
+pub(super) struct LowPassed {
+    hz: f64,
+    frames: Option<[LowPassedInFrame; 2]>,
+}
+
+/// The same in one frame: by axis and wheel.
+struct LowPassedInFrame {
+    truth: ForceFrame,
+    estimate: ForceFrame,
+    forces: [[(TwoWay, ErrorStatistics); 4]; 3],
+}
+
+impl LowPassed {
+    pub const fn new(hz: f64) -> Self {
+        Self { hz, frames: None }
+    }
+
+    /// Takes the next part.
+    pub fn push(&mut self, pairs: &Pairs) {
+        if self.frames.is_none() {
+            let force = || (TwoWay::low_pass(self.hz), ErrorStatistics::default());
+            let frames = known_frames(pairs.iter().map(|(estimate, _)| estimate));
+            self.frames = frames.map(|frames| {
+                frames.map(|[truth, estimate]| LowPassedInFrame {
+                    truth,
+                    estimate,
+                    forces: [(); 3].map(|()| [(); 4].map(|()| force())),
+                })
+            });
+        }
+        for frame in self.frames.iter_mut().flatten() {
+            for (estimate, truth) in pairs {
+                frame.push(estimate, truth);
+            }
+        }
+    }
+
+    /// The scores; none where nothing was compared.
+    pub fn finish(self, output: &'static str, loads: &PerWheel<f64>) -> Vec<ForceScore> {
+        let frames = self.frames.into_iter().flatten();
+        frames
+            .filter_map(|frame| frame.finish(output, loads))
+            .collect()
+    }
+}
+
+impl LowPassedInFrame {
+    fn push(&mut self, estimate: &Estimate, truth: &Estimate) {
+        for (axis, wheels) in self.forces.iter_mut().enumerate() {
+            for (wheel, (filter, errors)) in Wheel::ALL.into_iter().zip(wheels) {
+                let own_n = estimate.forces(self.estimate)[wheel].force_n[axis];
+                let true_n = truth.forces(self.truth)[wheel].force_n[axis];
+                filter.push(truth.time, [own_n, true_n, 0.0], &mut |[
+                    own_n,
+                    true_n,
+                    _,
+                ]| {
+                    errors.push(&[own_n], &[true_n]);
+                });
+            }
+        }
+    }
+
+    fn finish(self, output: &'static str, loads: &PerWheel<f64>) -> Option<ForceScore> {
+        let worst_percent = self.forces.map(|wheels| {
+            let percents = Wheel::ALL.into_iter().zip(wheels);
+            let percents = percents.map(|(wheel, (mut filter, mut errors))| {
+                filter.finish(&mut |[own_n, true_n, _]| errors.push(&[own_n], &[true_n]));
+                errors.normalised_percent(loads[wheel])
+            });
+            percents.fold(None, larger)
+        });
+        let is_known = worst_percent.iter().any(Option::is_some);
+        is_known.then_some(ForceScore {
+            output,
+            frame: self.truth,
+            estimate_frame: self.estimate,
+            worst_percent,
+            worst_moment_percent: [None; 2],
+            nees: [None; 3],
+            nees_median: [None; 3],
+            windows: None,
+        })
+    }
+}
+
 fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     match (a, b) {
         (Some(a), Some(b)) => Some(a.max(b)),
@@ -206,6 +304,17 @@ impl ForceScore {
             "nees": self.nees,
             "nees_median": self.nees_median,
             "windows": self.windows.as_ref().map(super::consistency_json),
+        })
+    }
+}
+
+impl LowPassedScore {
+    /// As JSON, by the keys of `docs/score.md`.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        json!({
+            "hz": self.hz,
+            "forces": self.forces.iter().map(ForceScore::to_json).collect::<Vec<_>>(),
         })
     }
 }

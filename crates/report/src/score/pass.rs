@@ -7,14 +7,16 @@ use model::vehicle::Vehicle;
 use sample::{Estimate, Event, LogTime, PerWheel};
 use store::{EstimateJoiner, Reader, Record, Selection, Stage};
 
-use super::forces::{ForceScore, Forces};
+use super::forces::{ForceScore, Forces, LowPassed};
 use super::innovations::{self, Judged};
+use super::landings::Landings;
 use super::lifts::Courses;
 use super::road::Ground;
 use super::signals::Signals;
 use super::surfaces::Surfaces;
 use super::{
-    INTERVAL_S, PART_PAIRS, Pairs, SETTLING_S, Score, ScoreError, channels, counts, static_loads,
+    INTERVAL_S, LowPassedScore, PART_PAIRS, Pairs, SETTLING_S, Score, ScoreError, ScoreOptions,
+    channels, counts, static_loads,
 };
 
 /// Instants that wait for their counterpart at most: 41 s at 100 Hz.
@@ -24,6 +26,7 @@ pub(super) const WAITING_MAX: usize = 4096;
 pub(super) struct Pass<'a> {
     stage: Stage,
     from_s: f64,
+    low_pass_hz: Option<f64>,
     loads: PerWheel<f64>,
     start: Option<LogTime>,
     /// The last instants of the truth.
@@ -46,14 +49,18 @@ struct Output {
     waiting: VecDeque<Estimate>,
     pairs: Pairs,
     forces: Forces,
+    low_passed: Option<LowPassed>,
+    landings: Landings,
 }
 
 impl Output {
-    fn new() -> Self {
+    fn new(low_pass_hz: Option<f64>) -> Self {
         Self {
             waiting: VecDeque::new(),
             pairs: Vec::new(),
             forces: Forces::default(),
+            low_passed: low_pass_hz.map(LowPassed::new),
+            landings: Landings::default(),
         }
     }
 
@@ -77,14 +84,16 @@ impl Output {
 }
 
 impl<'a> Pass<'a> {
-    pub fn new(vehicle: &'a Vehicle, stage: Stage, from_s: f64) -> Self {
+    pub fn new(vehicle: &'a Vehicle, options: ScoreOptions) -> Self {
+        let low_pass_hz = options.low_pass_hz;
         Self {
-            stage,
-            from_s,
+            stage: options.stage,
+            from_s: options.from_s,
+            low_pass_hz,
             loads: static_loads(vehicle),
             start: None,
             truth: BTreeMap::new(),
-            outputs: [Output::new(), Output::new()],
+            outputs: [Output::new(low_pass_hz), Output::new(low_pass_hz)],
             signals: Signals::default(),
             count: 0,
             courses: Courses::default(),
@@ -163,13 +172,17 @@ impl<'a> Pass<'a> {
 
     /// Compares the pairs of an output.
     fn compare(&mut self, output: usize) {
-        let Output { pairs, forces, .. } = &mut self.outputs[output];
-        forces.push(pairs);
-        if output == 0 {
-            self.count += pairs.len();
-            self.signals.push(pairs);
+        let of = &mut self.outputs[output];
+        of.forces.push(&of.pairs);
+        of.landings.push(&of.pairs, &self.loads);
+        if let Some(low_passed) = &mut of.low_passed {
+            low_passed.push(&of.pairs);
         }
-        pairs.clear();
+        if output == 0 {
+            self.count += of.pairs.len();
+            self.signals.push(&of.pairs);
+        }
+        of.pairs.clear();
     }
 
     fn take(&mut self, record: Record) {
@@ -200,15 +213,26 @@ impl<'a> Pass<'a> {
         } else {
             0.0
         };
-        let [own, lagged] = self.outputs;
-        let mut forces: Vec<ForceScore> = own.forces.finish(self.stage.name(), &self.loads);
-        forces.extend(lagged.forces.finish(Stage::Lagged.name(), &self.loads));
+        let mut forces: Vec<ForceScore> = Vec::new();
+        let mut low_passed = Vec::new();
+        let mut landings = Vec::new();
+        for (of, stage) in self.outputs.into_iter().zip([self.stage, Stage::Lagged]) {
+            forces.extend(of.forces.finish(stage.name(), &self.loads));
+            let filtered = of.low_passed;
+            low_passed.extend(filtered.map(|of| of.finish(stage.name(), &self.loads)));
+            landings.extend(of.landings.finish(stage.name()));
+        }
         let [lifts, two_wheel_lifts] = self.courses.finish(start, from_s, &self.events);
         let injected = reader.session().injected_faults.as_ref();
         Ok(Score {
             seconds: self.count as f64 * INTERVAL_S,
             signals: self.signals.finish(&self.loads),
             forces,
+            low_passed: self.low_pass_hz.map(|hz| LowPassedScore {
+                hz,
+                forces: low_passed.into_iter().flatten().collect(),
+            }),
+            landings,
             innovations: innovations::judged(&self.reports, self.from_s),
             lifts,
             two_wheel_lifts,

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use estimator::Tuning;
-use estimator::road::{RoadStatistics, Section};
+use estimator::road::RoadStatistics;
 use model::vehicle::Vehicle;
 use sample::{Estimate, LogTime, Road, RoadRoughness, RoadUnknown, Wheel};
 use serde_json::{Value, json};
@@ -11,11 +11,10 @@ use store::Stage;
 
 use super::INTERVAL_S;
 use super::pass::WAITING_MAX;
+use super::two_way::TwoWay;
 
 /// Corner of the high-pass that estimate and truth pass forward and backward, Hz.
 const HIGH_PASS_HZ: f64 = 0.5;
-/// Shortest part without a gap that is compared, s.
-const PART_MIN_S: f64 = 4.0;
 
 /// Errors of the road of one output.
 #[derive(Clone, Debug, PartialEq)]
@@ -310,83 +309,33 @@ impl Errors {
     }
 }
 
-/// Instants that are filtered backward together, and those after them, in which the backward filter
-/// settles: 20 s, after which 10^-19 of its state is left.
-const BACKWARD: [usize; 2] = [8192, 2048];
-
-/// Errors above [`HIGH_PASS_HZ`], of the parts without a gap: a Butterworth filter of second order,
-/// forward and backward.
-#[derive(Default)]
+/// Errors above [`HIGH_PASS_HZ`], of the parts without a gap.
 struct HighPassed {
-    before: Option<LogTime>,
-    /// Values of the part so far.
-    length: usize,
-    /// First values of the part, and memories of the forward filter, of error and truth.
-    first: [f64; 2],
-    memory: [[f64; 2]; 2],
-    /// Values after the forward filter with their standard deviation.
-    forward: Vec<[f64; 3]>,
+    filter: TwoWay,
     errors: Errors,
+}
+
+impl Default for HighPassed {
+    fn default() -> Self {
+        Self {
+            filter: TwoWay::high_pass(HIGH_PASS_HZ),
+            errors: Errors::default(),
+        }
+    }
 }
 
 impl HighPassed {
     /// Takes error, truth and standard deviation of the next instant.
-    fn push(&mut self, time: LogTime, [error, truth, sigma]: [f64; 3]) {
-        if ![error, truth, sigma].iter().all(|v| v.is_finite()) {
-            return;
-        }
-        let gap_s = self.before.map(|before| time.seconds_since(before));
-        if gap_s.is_some_and(|gap_s| gap_s > 1.5 * INTERVAL_S) {
-            self.end_part();
-        }
-        self.before = Some(time);
-        if self.length == 0 {
-            self.first = [error, truth];
-            self.memory = Default::default();
-        }
-        self.length += 1;
-        let section = high_pass();
-        let error = section.push(&mut self.memory[0], error - self.first[0]);
-        let truth = section.push(&mut self.memory[1], truth - self.first[1]);
-        self.forward.push([error, truth, sigma]);
-        if self.forward.len() == BACKWARD[0] + BACKWARD[1] {
-            self.filter_backward(BACKWARD[0]);
-        }
-    }
-
-    fn end_part(&mut self) {
-        if self.length as f64 * INTERVAL_S >= PART_MIN_S {
-            self.filter_backward(self.forward.len());
-        }
-        self.forward.clear();
-        self.length = 0;
-    }
-
-    /// Filters all values backward, and takes the first `done` of them.
-    fn filter_backward(&mut self, done: usize) {
-        let section = high_pass();
-        let last = self.forward.last().copied().unwrap_or_default();
-        let mut memory = [[0.0; 2]; 2];
-        let mut found = Vec::with_capacity(self.forward.len());
-        for [error, truth, sigma] in self.forward.iter().rev() {
-            let error = section.push(&mut memory[0], error - last[0]);
-            let truth = section.push(&mut memory[1], truth - last[1]);
-            found.push([error, truth, *sigma]);
-        }
-        for values in found.into_iter().rev().take(done) {
-            self.errors.add(values);
-        }
-        self.forward.drain(..done);
+    fn push(&mut self, time: LogTime, values: [f64; 3]) {
+        let errors = &mut self.errors;
+        self.filter.push(time, values, &mut |done| errors.add(done));
     }
 
     fn finish(mut self) -> Errors {
-        self.end_part();
+        let errors = &mut self.errors;
+        self.filter.finish(&mut |done| errors.add(done));
         self.errors.means()
     }
-}
-
-fn high_pass() -> Section {
-    Section::new(HIGH_PASS_HZ * INTERVAL_S, true)
 }
 
 /// Roughness and index so far.
