@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { mkdtempSync, rmSync } from "node:fs";
+import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
@@ -145,5 +145,70 @@ test("an hour of a passenger car has no empty figure, and zooms to single sample
   const shown = await page.evaluate(() => document.body.dataset.range?.split(" ").map(Number));
   assert.ok(shown && shown[1] - shown[0] < HOUR_S / 1000, `shows ${shown}`);
   assert.deepEqual(errors, []);
+  await context.close();
+});
+
+test("laps, a picture of the ground and the distance as abscissa are shown without an error", async () => {
+  // A red picture of one pixel, and its world file in degrees around the end of the drive.
+  const blank = await browser.newPage();
+  const pixel = await blank.evaluate(() => {
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = [1, 1];
+    const ctx = canvas.getContext("2d");
+    ctx.fillStyle = "#f00";
+    ctx.fillRect(0, 0, 1, 1);
+    return canvas.toDataURL("image/png").split(",")[1];
+  });
+  await blank.close();
+  const rows = run("export", "drive.mcap", "--topic", "/gnss/novatel/position").trim().split("\n").map((row) => row.split(","));
+  const column = (name) => rows[0].findIndex((head) => head.startsWith(name));
+  const [latitude, longitude] = ["latitude_rad", "longitude_rad"].map((name) => rows.at(-1)[column(name)] * 180 / Math.PI);
+  writeFileSync(join(directory, "ground.png"), Buffer.from(pixel, "base64"));
+  writeFileSync(join(directory, "ground.pgw"), `0.01\n0\n0\n-0.01\n${longitude}\n${latitude}\n`);
+  run("report", "drive.mcap", "-o", "laps.html", "--gate", `${latitude},${longitude}`, "--axis", "distance", "--map", "ground.png");
+  const { context, page, errors, requests } = await open("laps.html");
+  await see(page);
+  assert.equal(await page.locator("#laps").count(), 1);
+  assert.equal(await page.inputValue("#axis"), "distance");
+  await page.locator("#track-plot canvas").scrollIntoViewIfNeeded();
+  await page.waitForTimeout(200);
+  const painted = await page.evaluate(() => {
+    const canvas = document.querySelector("#track-plot canvas");
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    let red = 0;
+    for (let n = 0; n < data.length; n += 4) red += data[n] === 255 && data[n + 1] === 0 && data[n + 3] === 255;
+    return red / (canvas.width * canvas.height);
+  });
+  assert.ok(painted > 0.3, `${painted} of the map is painted`);
+  assert.deepEqual(errors, []);
+  assert.deepEqual(requests, []);
+  await context.close();
+});
+
+// Sheet and height above its lower edge of each heading of the printed page, in points. With the outline, the file
+// states them in plain text.
+async function printed(page, paper) {
+  const file = (await page.pdf({ ...paper, outline: true, tagged: true, margin: { top: "15mm", bottom: "15mm" } })).toString("latin1");
+  const places = file.matchAll(/\/Dest \[(\d+) 0 R\s*\/XYZ\s+([\d.]+)\s+([\d.]+)/g);
+  return [...places].map(([, sheet, , y]) => [+sheet, +y]);
+}
+
+test("no heading of the printed page is the last thing on its sheet", async () => {
+  // The lower margin of 15 mm, a heading, and a line below it, in points.
+  const LOWEST = 42.5 + 21.6 + 12.4;
+  const { context, page } = await open("drive.html");
+  const orphans = async () => {
+    const found = [];
+    for (const paper of [{ format: "A4" }, { format: "Letter" }, { format: "A5" }, { format: "A4", landscape: true }]) {
+      const places = await printed(page, paper);
+      assert.ok(places.length > 15, `${places.length} headings`);
+      found.push(...places.filter(([, y]) => y < LOWEST));
+    }
+    return found;
+  };
+  assert.deepEqual(await orphans(), []);
+  // Without the style, headings are orphaned: the test can see them.
+  await page.addStyleTag({ content: "section, h2, h3, .caption { break-inside: auto !important; break-after: auto !important }" });
+  assert.ok((await orphans()).length > 0);
   await context.close();
 });

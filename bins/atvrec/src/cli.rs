@@ -266,6 +266,20 @@ pub struct ReportArgs {
     /// Compare with the other run at the same time or at the same distance.
     #[arg(long, value_enum, default_value = "time", requires = "against")]
     pub by: Axis,
+    /// Divide the drive into laps at a gate of 50 m: latitude and longitude in degrees, and perhaps the
+    /// heading of travel from north. Several gates divide a lap.
+    #[arg(long, value_name = "LAT,LON[,HEADING]", value_parser = number::gate, allow_hyphen_values = true)]
+    pub gate: Vec<report::Gate>,
+    /// Divide the drive into laps at the place where it began.
+    #[arg(long, conflicts_with = "gate")]
+    pub laps: bool,
+    /// Abscissa of the figures when the page opens.
+    #[arg(long, value_enum, default_value = "time")]
+    pub axis: Axis,
+    /// Picture of the ground below the track: PNG or JPEG with a world file (.pgw, .jgw, .wld) beside it,
+    /// in degrees (EPSG:4326) or Web Mercator (EPSG:3857).
+    #[arg(long, value_name = "PICTURE")]
+    pub map: Option<PathBuf>,
     /// Units: si (N, m/s), metric (kN, km/h), us (lbf, mph); angles are in degrees.
     #[arg(long, value_enum, default_value = "si")]
     pub units: UnitSystem,

@@ -8,6 +8,7 @@ mod files;
 mod live;
 mod output;
 mod overrides;
+mod record;
 mod roles;
 mod source;
 mod storage;
@@ -26,6 +27,7 @@ pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, NOT_ATTACHED, r
 pub use live::Live;
 pub use model::file::{Problem, TOML_MAX, closest};
 pub use output::{CanOutput, CanPort, Output, UdpOutput};
+pub(crate) use record::can_messages;
 pub use roles::{Role, RoleOf};
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
 pub use storage::{Limits, Storage};
@@ -154,11 +156,13 @@ impl Config {
         let mut top = Section::new("", table);
         let sources = top.section("source", &mut collector);
         let sources = source::read_all(sources, &mut files, &mut collector);
-        let storage = Storage::read(
+        let mut storage = Storage::read(
             top.section("storage", &mut collector),
             &sources,
             &mut collector,
         );
+        let section = top.section("record", &mut collector);
+        storage.options.left_out = record::left_out(section, &sources, &mut collector);
         let vehicle = top.section("vehicle", &mut collector);
         let section = top.section("estimator", &mut collector);
         let estimator = estimator::read(section, vehicle, &mut files, &mut collector);

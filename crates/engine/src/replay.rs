@@ -2,16 +2,17 @@
 
 mod changes;
 
+use std::collections::BTreeMap;
 use std::iter::Peekable;
 
 use sample::{Arrival, LogTime, Payload};
-use store::{LogWriter, MessageIter, Missing, Reader, Record, Selection, Session, Stage};
+use store::{LogWriter, MessageIter, Missing, Options, Reader, Record, Selection, Session, Stage};
 
 use crate::feed::Entry;
 use crate::read_ahead::ReadAhead;
 use crate::session;
 use crate::verify::{Verification, Verifier};
-use crate::{Config, Engine, Error, Result, Skipped};
+use crate::{Config, Engine, Error, LeftOut, Result, Skipped};
 
 pub use changes::{Changes, FileSource};
 
@@ -73,6 +74,7 @@ impl Replayed {
 pub struct Replay<'r> {
     reader: &'r Reader,
     session: Session,
+    log_options: Options,
     options: ReplayOptions,
     engine: Engine,
     verifier: Option<Verifier>,
@@ -98,11 +100,17 @@ impl<'r> Replay<'r> {
         let original = reader.session();
         check_sources(config, original)?;
         let session = session::replayed(config, original);
+        // A replay decodes all messages, and its log contains them.
+        let log_options = Options {
+            left_out: BTreeMap::new(),
+            ..config.storage.options.clone()
+        };
         let verifier = match options.verify {
             true => {
-                let options = config.storage.options.clone();
+                let options = log_options.clone();
                 let encoder = LogWriter::new(std::io::sink(), session.clone(), options, 0)?;
-                Some(Verifier::new(reader, encoder))
+                let left_out = LeftOut::with(config.clone(), reader);
+                Some(Verifier::new(reader, encoder, &left_out))
             }
             false => None,
         };
@@ -114,6 +122,7 @@ impl<'r> Replay<'r> {
         Ok(Self {
             reader,
             session,
+            log_options,
             options,
             engine: engine()?,
             verifier,
@@ -130,6 +139,11 @@ impl<'r> Replay<'r> {
     /// Session of a log of the replay.
     pub const fn session(&self) -> &Session {
         &self.session
+    }
+
+    /// Options of a log of the replay, which contains all decoded messages.
+    pub const fn log_options(&self) -> &Options {
+        &self.log_options
     }
 
     /// Replays to the end, and passes the entries of a log of the replay to `sink`.
@@ -318,7 +332,7 @@ impl Truth {
 
 /// Arrivals that the estimator skipped. The log reports them afterwards, so that they are read before
 /// the replay.
-fn skipped(reader: &Reader) -> Result<Skipped> {
+pub(crate) fn skipped(reader: &Reader) -> Result<Skipped> {
     let mut skipped = Skipped::default();
     for arrival in reader.notices() {
         if let Payload::Notice(notice) = arrival?.payload {

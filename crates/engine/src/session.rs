@@ -2,10 +2,10 @@
 
 use sample::{LogTime, SourceId};
 use store::{DynamicMessage, Session, SignalSchema, Source, SourceKind};
-use wire::dbc::parameter_group;
+use wire::dbc::{MessageDef, parameter_group};
 use wire::gps_time::Utc;
 
-use crate::config::{Config, Meaning};
+use crate::config::{self, Config, Meaning};
 use crate::engine::SILENCE_NS;
 
 /// Program that writes a log.
@@ -82,33 +82,35 @@ pub fn started_at(config: &Config, started: LogTime) -> Session {
 
 /// All messages of the DBC files.
 fn dynamic(config: &Config) -> Vec<DynamicMessage> {
-    let mut messages = Vec::new();
-    for source in &config.sources {
-        let Meaning::Can(can) = &source.meaning else {
-            continue;
-        };
-        let names = can.names.iter().flatten();
-        let definitions = can.databases.iter().flat_map(|d| d.messages());
-        for (message, name) in definitions.zip(names) {
-            let signals = message
-                .signals
-                .iter()
-                .map(|signal| SignalSchema {
-                    name: signal.name.clone(),
-                    unit: signal.unit.clone(),
-                    labels: signal.labels.clone(),
-                })
-                .collect();
-            let bus = &source.spec.name;
-            messages.push(if message.j1939 {
-                let group = parameter_group(message.id);
-                DynamicMessage::j1939(bus, name, group, signals)
-            } else {
-                DynamicMessage::can(bus, name, message.id, signals)
-            });
+    let sources = config.sources.iter();
+    sources
+        .flat_map(dynamic_of)
+        .map(|(_, message)| message)
+        .collect()
+}
+
+/// Messages of the DBC files of a source, with their names on the bus.
+pub(crate) fn dynamic_of(source: &config::Source) -> Vec<(&str, DynamicMessage)> {
+    let Meaning::Can(can) = &source.meaning else {
+        return Vec::new();
+    };
+    let bus = &source.spec.name;
+    let message = |message: &MessageDef, name| {
+        let signals = message.signals.iter().map(|signal| SignalSchema {
+            name: signal.name.clone(),
+            unit: signal.unit.clone(),
+            labels: signal.labels.clone(),
+        });
+        let signals = signals.collect();
+        if message.j1939 {
+            DynamicMessage::j1939(bus, name, parameter_group(message.id), signals)
+        } else {
+            DynamicMessage::can(bus, name, message.id, signals)
         }
-    }
-    messages
+    };
+    config::can_messages(can)
+        .map(|(_, definition, name)| (name, message(definition, name)))
+        .collect()
 }
 
 /// UTC as `20261121T140500Z` from seconds since the UNIX epoch.

@@ -1,6 +1,6 @@
 //! Verification: compares the messages of a replay with those of the recording, bit by bit.
 
-use std::collections::{BTreeMap, HashSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashSet, VecDeque};
 use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Sink;
@@ -12,7 +12,7 @@ use store::{
     same_health_without_late,
 };
 
-use crate::Result;
+use crate::{LeftOut, Result};
 
 /// Schemas of the raw data, which is the input of a replay.
 const RAW: &str = "atvrec.Raw";
@@ -62,8 +62,8 @@ pub struct Verifier {
     smoothed: bool,
     /// Whether the log contains estimates with a lag.
     lagged: bool,
-    /// Topics that the log is too old to contain.
-    absent: Vec<&'static str>,
+    /// Topics that the log does not contain: it is too old, or its configuration leaves them out.
+    absent: BTreeSet<String>,
     report: Verification,
 }
 
@@ -101,7 +101,7 @@ pub struct Verification {
 
 impl Verifier {
     /// Verifier of the messages of `reader`; `encoder` converts the records of the replay to messages.
-    pub fn new(reader: &Reader, encoder: LogWriter<Sink>) -> Self {
+    pub fn new(reader: &Reader, encoder: LogWriter<Sink>, left_out: &LeftOut) -> Self {
         let info = reader.info();
         let topics = info
             .channels
@@ -133,6 +133,8 @@ impl Verifier {
             absent: LATER
                 .into_iter()
                 .filter(|topic| !info.channels.contains_key(*topic))
+                .chain(left_out.topics())
+                .map(str::to_owned)
                 .collect(),
             report,
         }
@@ -195,7 +197,7 @@ impl Verifier {
             return;
         }
         if message.topic.starts_with(SMOOTHED) && !self.smoothed
-            || self.absent.contains(&message.topic.as_str())
+            || self.absent.contains(&message.topic)
         {
             return;
         }
@@ -246,7 +248,7 @@ impl Verifier {
     /// Whether the log is of a version whose forces are all in the contact frame. Their standard
     /// deviations do not include the unknown normal of the ground, so that only the values are compared.
     fn values_alone(&self) -> bool {
-        self.absent.contains(&TYRE_FORCES)
+        self.absent.contains(TYRE_FORCES)
     }
 
     fn identical(&mut self, topic: &str, log_time: LogTime, data: &[u8], now: LogTime) {

@@ -1,8 +1,10 @@
 //! Reading logs.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use engine::LeftOut;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
@@ -19,6 +21,7 @@ use crate::{arrays, errors, interrupt};
 #[pyclass(frozen, module = "atvrec._atvrec")]
 pub struct LogReader {
     pub reader: Arc<Reader>,
+    left_out: Arc<LeftOut>,
     pub paths: Vec<PathBuf>,
 }
 
@@ -46,14 +49,24 @@ impl LogReader {
     #[new]
     fn new(py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<Self> {
         let named = paths.clone();
-        let reader = interrupt::detached(py, move || Reader::open(&named))?;
-        let reader = Arc::new(reader.map_err(|e| errors::log(&e))?);
-        Ok(Self { reader, paths })
+        let opened = interrupt::detached(py, move || {
+            let reader = Reader::open(&named)?;
+            let left_out = LeftOut::of(&reader);
+            Ok((Arc::new(reader), Arc::new(left_out)))
+        })?;
+        let (reader, left_out) = opened.map_err(|e| errors::log(&e))?;
+        Ok(Self {
+            reader,
+            left_out,
+            paths,
+        })
     }
 
-    /// Topics, sorted.
+    /// Topics that are in the log or left out of it, sorted.
     fn topics(&self) -> Vec<String> {
-        self.reader.info().channels.into_keys().collect()
+        let in_log = self.reader.info().channels.into_keys();
+        let all = in_log.chain(self.left_out.topics().map(str::to_owned));
+        all.collect::<BTreeSet<_>>().into_iter().collect()
     }
 
     /// Log clock of the first and last message, ns since 1970; None for an empty log.
@@ -103,10 +116,10 @@ impl LogReader {
         start_ns: u64,
         end_ns: u64,
     ) -> PyResult<Vec<ReadTopic<'py>>> {
-        let reader = Arc::clone(&self.reader);
-        let (start, end) = (LogTime(start_ns), LogTime(end_ns));
-        let tables = interrupt::detached(py, move || reader.tables(&topics, start, end))?;
-        let tables = tables.map_err(|e| errors::log(&e))?;
+        let (reader, left_out) = (Arc::clone(&self.reader), Arc::clone(&self.left_out));
+        let span = [LogTime(start_ns), LogTime(end_ns)];
+        let tables = interrupt::detached(py, move || left_out.tables(&reader, &topics, span))?;
+        let tables = tables.map_err(|e| errors::engine(&e))?;
         tables
             .into_iter()
             .map(|table| read_topic(py, table))
@@ -173,9 +186,10 @@ impl LogReader {
     /// Names of an enumeration's values, by field, for the fields of a topic that are one.
     fn enums<'py>(&self, py: Python<'py>, topic: &str) -> PyResult<Bound<'py, PyDict>> {
         // An empty stretch of time gives the columns without rows.
-        let table = self.reader.table(topic, LogTime(1), LogTime(0));
+        let span = [LogTime(1), LogTime(0)];
+        let table = self.left_out.columns(&self.reader, topic, span);
         let dict = PyDict::new(py);
-        for column in table.map_err(|e| errors::log(&e))?.columns {
+        for column in table.map_err(|e| errors::engine(&e))?.columns {
             if !column.names.is_empty() {
                 let names = PyDict::new(py);
                 for (value, name) in column.names {

@@ -168,7 +168,7 @@ impl Job {
         let replay = Replay::new(&self.reader, &config, self.options)?;
         let mut sink = match &self.output {
             Some(target) => {
-                let options = config.storage.options.clone();
+                let options = replay.log_options().clone();
                 Sink::Log(Box::new(target.log(replay.session().clone(), options)?))
             }
             None => Sink::Memory(Collected::default()),

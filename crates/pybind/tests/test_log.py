@@ -196,3 +196,34 @@ def test_a_simulated_log_explains_itself(simulated_log: Path) -> None:
     assert np.all(np.diff(motion["log_time_ns"]) >= 0)
     can = next(topic for topic in log.topics if topic.startswith("/can/"))
     assert log.read(can)["t_s"].size > 0
+
+
+def test_messages_that_the_log_leaves_out_are_decoded(tmp_path: Path) -> None:
+    logs: list[atvrec.Log] = []
+    for decoded in ("all", "none"):
+        drive = tmp_path / "drive.mcap"
+        atvrec.simulate("step-steer", drive, duration_s=2.0, force=True)
+        for name, data in atvrec.open(drive).attachments.items():
+            (tmp_path / name).write_bytes(data)
+        config = tmp_path / "atvrec.toml"
+        config.write_text(config.read_text() + f'\n[record]\ndecoded = "{decoded}"\n')
+        path = tmp_path / f"{decoded}.mcap"
+        atvrec.simulate("step-steer", path, duration_s=2.0, config=config)
+        logs.append(atvrec.open(path))
+    written, left_out = logs
+    topic = "/can/can0/WheelSpeed"
+    assert topic in written.info()["channels"]
+    assert topic not in left_out.info()["channels"]
+    assert left_out.topics == written.topics
+    topics = ["/steer", topic, "/can/can0/Steering"]
+    for span in ((None, None), (0.5, 1.0)):
+        expected = written.read_many(topics, *span)
+        found = left_out.read_many(topics, *span)
+        assert list(found) == topics
+        for name in topics:
+            assert expected[name]["t_s"].size > 20
+            assert list(found[name]) == list(expected[name])
+            for column, values in expected[name].items():
+                np.testing.assert_array_equal(found[name][column], values, err_msg=column)
+    assert left_out.units(topic) == written.units(topic)
+    assert left_out.enums(topic) == written.enums(topic)

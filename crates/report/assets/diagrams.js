@@ -118,7 +118,25 @@ function draw(one) {
   ctx.beginPath();
   ctx.rect(frame.box.left, frame.box.top, frame.box.width, frame.box.height);
   ctx.clip();
+  if (one.figure.kind === "map") ground(ctx, frame);
   frame.traces.forEach((trace) => curve(ctx, one, frame, trace));
+  ctx.restore();
+}
+
+// The picture below the track, once it is decoded.
+const picture = data.picture ? new Image() : null;
+if (picture) {
+  picture.addEventListener("load", redraw);
+  picture.src = data.picture.src;
+}
+
+function ground(ctx, { toX, toY }) {
+  if (!picture?.complete || !picture.naturalWidth) return;
+  const [column, row, east, columnNorth, rowNorth, north] = data.picture.at;
+  const [x, y] = [toX(1) - toX(0), toY(1) - toY(0)];
+  ctx.save();
+  ctx.transform(x * column, y * columnNorth, x * row, y * rowNorth, toX(east), toY(north));
+  ctx.drawImage(picture, 0, 0);
   ctx.restore();
 }
 

@@ -13,11 +13,17 @@ document.getElementById("all")?.addEventListener("click", () => zoom(null));
 const axisLabel = document.getElementById("axis-label");
 if (axisLabel && data.distance) {
   axisLabel.hidden = false;
-  document.getElementById("axis").addEventListener("change", (event) => {
-    byDistance = event.target.value === "distance";
+  const axis = document.getElementById("axis");
+  const choose = () => {
+    byDistance = axis.value === "distance";
     range = null;
     rebuild();
-  });
+  };
+  axis.addEventListener("change", choose);
+  if (data.over_distance) {
+    axis.value = "distance";
+    choose();
+  }
 }
 // A row of the table of events shows its instant in the figures.
 for (const row of document.querySelectorAll("tr[data-at]")) {

@@ -10,7 +10,7 @@ use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, T
 use crate::frame::Frame;
 use crate::options::Options;
 use crate::{Error, Progress};
-pub use sources::SourceRates;
+pub use sources::{SourceRates, local_m};
 
 /// Topics whose messages are read one by one; they are few.
 const RECORDS: [&str; 7] = [
@@ -423,6 +423,21 @@ impl Drive {
         for frame in others.into_iter().chain(self.sensors.values_mut()) {
             frame.share_times(motion);
         }
+    }
+
+    /// Positions of the receiver with the most of them, and longitude and latitude of its first one, rad.
+    pub fn positions(&self) -> Option<(&Frame, [f64; 2])> {
+        let all = self.sensors.iter().filter_map(|(topic, frame)| {
+            let origin = (*self.origins.get(topic)?)?;
+            frame.get("east_m").map(|_| (frame, origin))
+        });
+        all.max_by_key(|(frame, _)| frame.len())
+    }
+
+    /// Gives a receiver a first position.
+    #[cfg(test)]
+    pub fn place(&mut self, topic: &str, origin: [f64; 2]) {
+        self.origins.insert(topic.to_owned(), Some(origin));
     }
 
     /// Seconds that are shown.

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use crate::blob::Blob;
 use crate::drive::Drive;
+use crate::laps::Laps;
 use crate::options::Options;
 use crate::plot::{Figure, Kind, Panel, Trace};
 use crate::reference::{Reference, distance_m};
@@ -48,6 +49,7 @@ impl Figures {
     pub fn of(
         drive: &Drive,
         reference: Option<&Reference<'_>>,
+        laps: Option<&Laps>,
         options: &Options,
         blob: &mut Blob,
     ) -> Self {
@@ -57,6 +59,9 @@ impl Figures {
         vehicle::motion(&mut curves, &mut candidates);
         vehicle::grip(&mut curves, &mut candidates);
         diagrams::all(&mut curves, &mut candidates);
+        if let Some(laps) = laps {
+            diagrams::laps(&curves, laps, &mut candidates);
+        }
         sensors::all(&mut curves, &mut candidates);
         let colours = vehicle::colours(&mut curves);
         let distance = distance(drive, blob);

@@ -13,8 +13,10 @@ mod drive;
 mod figures;
 pub mod findings;
 mod frame;
+mod laps;
 mod options;
 mod page;
+mod picture;
 mod plot;
 mod reference;
 pub mod score;
@@ -27,7 +29,8 @@ use store::{Attachment, Reader};
 pub use store;
 
 pub use drive::events;
-pub use options::{Options, Quantity, Units};
+pub use options::{Gate, Gates, Options, Quantity, Units};
+pub use picture::{Picture, PictureError};
 pub use plot::{Data, Figure, Kind, Panel, Pen, Trace};
 
 /// Why there is no report.
@@ -69,6 +72,9 @@ pub enum Error {
          --smooth -o OUTPUT` and report that log"
     )]
     NotSmoothed,
+    /// The picture below the track cannot be used.
+    #[error("the picture of the ground cannot be used: {0}")]
+    Picture(#[from] PictureError),
     /// Two runs have nothing to compare.
     #[error(
         "the log of --against has no estimated motion to compare with; use a log with estimates"
@@ -126,9 +132,28 @@ pub fn report(
     let files = page::large_files(&mut drive.attachments);
     let reference = reference::Reference::choose(&drive, options, progress)?;
     let mut blob = blob::Blob::default();
-    let figures = figures::Figures::of(&drive, reference.as_ref(), options, &mut blob);
-    let html = page::render(&drive, &summary, &figures, &files, directory, blob);
+    let laps = laps::Laps::of(&drive, options);
+    let figures = figures::Figures::of(
+        &drive,
+        reference.as_ref(),
+        laps.as_ref(),
+        options,
+        &mut blob,
+    );
+    let content = page::Content {
+        drive: &drive,
+        options,
+        summary: &summary,
+        figures: &figures,
+        laps: laps.as_ref(),
+        large: &files,
+        directory,
+    };
+    let html = page::render(&content, blob)?;
     let mut numbers = summary.to_json(&drive, options);
+    if let Some(laps) = &laps {
+        numbers["laps"] = laps.to_json(options);
+    }
     numbers["figures"] = figures.names();
     numbers["lacking"] = figures.lacking_json();
     Ok(Report {

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::picture::Picture;
+
 /// Settings of a report.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -21,8 +23,37 @@ pub struct Options {
     pub smoothed: bool,
     /// Single samples of all curves, whatever the length of the drive.
     pub full: bool,
+    /// Where laps begin and end.
+    pub gates: Gates,
+    /// The abscissa of the figures is the distance when the page opens.
+    pub over_distance: bool,
+    /// A picture below the track.
+    pub picture: Option<Picture>,
     /// Lines with what was not estimated, and why.
     pub limits: Vec<String>,
+}
+
+/// Where laps begin and end.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Gates {
+    /// No laps.
+    #[default]
+    None,
+    /// At the place where the drive began.
+    Start,
+    /// At these gates.
+    At(Vec<Gate>),
+}
+
+/// A line across the path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gate {
+    /// Latitude of its middle, deg.
+    pub latitude_deg: f64,
+    /// Longitude of its middle, deg.
+    pub longitude_deg: f64,
+    /// Direction of travel from north over east, deg; `None`: that of the first pass.
+    pub heading_deg: Option<f64>,
 }
 
 /// A system of units.

@@ -1,6 +1,7 @@
 //! The page around the figures.
 
 mod events;
+mod laps;
 mod tables;
 mod top;
 
@@ -15,6 +16,9 @@ use store::Attachment;
 use crate::blob::Blob;
 use crate::drive::Drive;
 use crate::figures::Figures;
+use crate::laps::Laps;
+use crate::options::{Options, Quantity};
+use crate::picture::PictureError;
 use crate::plot::Figure;
 use crate::summary::Summary;
 
@@ -39,17 +43,36 @@ const SCRIPTS: [&str; 4] = [
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
                       img-src data:; base-uri 'none'; form-action 'none'";
 
+/// What a page is made of.
+pub struct Content<'a> {
+    pub drive: &'a Drive,
+    pub options: &'a Options,
+    pub summary: &'a Summary,
+    pub figures: &'a Figures,
+    pub laps: Option<&'a Laps>,
+    /// Attachments that become files, with their names.
+    pub large: &'a [(String, Attachment)],
+    /// Name of the directory of these files.
+    pub directory: &'a str,
+}
+
 /// The whole report.
-pub fn render(
-    drive: &Drive,
-    summary: &Summary,
-    figures: &Figures,
-    large: &[(String, Attachment)],
-    directory: &str,
-    mut blob: Blob,
-) -> String {
+///
+/// # Errors
+/// If the picture of the ground is not near the track.
+pub fn render(content: &Content<'_>, mut blob: Blob) -> Result<String, PictureError> {
+    let Content {
+        drive,
+        options,
+        summary,
+        figures,
+        ..
+    } = *content;
     let mut body = String::new();
     top::write(drive, summary, &mut body);
+    if let Some(laps) = content.laps {
+        laps::table(laps, options, &mut body);
+    }
     top::lacking(figures, &mut body);
     navigation(&figures.all, &mut body);
     body.push_str(
@@ -65,21 +88,28 @@ pub fn render(
     tables::learnt(drive, &mut body);
     tables::sources(drive, &mut body);
     tables::clocks(drive, &mut body);
-    tables::files(drive, large, directory, &mut body);
+    tables::files(drive, content.large, content.directory, &mut body);
     body.push_str(
         "<footer>Drag in a figure to zoom; double-click to see the whole drive. All figures over time \
          move together.</footer>",
     );
     let drawn: Vec<Value> = figures.all.iter().map(|f| f.to_json(&mut blob)).collect();
     let colours = figures.colours.iter().filter_map(|c| c.to_json(&mut blob));
+    let unit = options.units.of(Quantity::Length).0;
+    let picture = match (&options.picture, drive.positions()) {
+        (Some(picture), Some((_, origin))) => Some(picture.to_json(origin, unit)?),
+        _ => None,
+    };
     let data = json!({
         "figures": drawn,
         "colours": colours.collect::<Vec<_>>(),
         "distance": figures.distance.map(|ids| ids.map(crate::blob::Id::json)),
+        "over_distance": options.over_distance,
+        "picture": picture,
         "span": drive.span_s,
-        "lines": events::lines(drive, summary),
+        "lines": events::lines(drive, summary, content.laps),
     });
-    document(&title(drive), &body, data, blob)
+    Ok(document(&title(drive), &body, data, blob))
 }
 
 /// A page with figures.
@@ -182,7 +212,6 @@ fn utc(time: LogTime) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::Options;
 
     #[test]
     fn times_are_utc() {
@@ -229,7 +258,7 @@ mod tests {
         let options = Options::default();
         let summary = Summary::of(&drive, &options);
         let mut blob = Blob::default();
-        let figures = Figures::of(&drive, None, &options, &mut blob);
+        let figures = Figures::of(&drive, None, None, &options, &mut blob);
         assert!(figures.all.len() > 1, "names reach the figures");
         let large = [(
             "0-x".to_owned(),
@@ -239,7 +268,16 @@ mod tests {
                 data: Vec::new(),
             },
         )];
-        let page = render(&drive, &summary, &figures, &large, NAME, blob);
+        let content = Content {
+            drive: &drive,
+            options: &options,
+            summary: &summary,
+            figures: &figures,
+            laps: None,
+            large: &large,
+            directory: NAME,
+        };
+        let page = render(&content, blob).expect("a page");
         let mut own = page.replace(uplot(), "");
         for script in SCRIPTS {
             own = own.replace(script, "");

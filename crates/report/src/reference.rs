@@ -102,7 +102,7 @@ pub fn distance_m(motion: &Frame) -> Vec<f64> {
 }
 
 /// `y` at `at` by straight lines over rising `x`; the ends beyond them.
-fn interpolate(x: &[f64], y: &[f64], at: f64) -> f64 {
+pub fn interpolate(x: &[f64], y: &[f64], at: f64) -> f64 {
     let next = x.partition_point(|value| *value <= at);
     let Some(index) = next.checked_sub(1) else {
         return y.first().copied().unwrap_or_default();

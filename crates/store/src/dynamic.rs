@@ -6,8 +6,9 @@ use std::fmt::Write as _;
 use prost::Message as _;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
-use sample::{Measurement, Sample, Signal};
+use sample::{Measurement, Sample, Signal, SourceId};
 
+use crate::ChannelInfo;
 use crate::convert::Encoded;
 
 /// Signal with the identifier of each frame of a J1939 message.
@@ -68,6 +69,20 @@ impl DynamicMessage {
             can_id: Some(can_id),
             parameter_group: None,
             signals,
+        }
+    }
+
+    /// The channel of a log with this message.
+    #[must_use]
+    pub fn channel(&self, source: SourceId) -> ChannelInfo {
+        ChannelInfo {
+            topic: self.topic.clone(),
+            schema: self.schema_name(),
+            schema_data: self.descriptor_set().into(),
+            message_encoding: "protobuf".to_owned(),
+            source: Some(source),
+            metadata: self.metadata(),
+            is_earlier: false,
         }
     }
 

@@ -214,8 +214,12 @@ impl<W: Write> LogWriter<W> {
         self.group.push(arrival);
     }
 
-    /// Takes a decoded record. It is in the log after the next flush.
+    /// Takes a decoded record. It is in the log after the next flush, unless [`Options::left_out`] names
+    /// it.
     pub fn record(&mut self, record: &Record) {
+        if self.options.leaves_out(record) {
+            return;
+        }
         for message in self.encode(record) {
             self.keep(message);
         }

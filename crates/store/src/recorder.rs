@@ -37,7 +37,7 @@ pub struct Recorder {
     /// Receives the summary when the worker has ended; `None` after that.
     ended: Option<Mutex<Receiver<RecorderSummary>>>,
     session: Session,
-    stop_within: Duration,
+    options: Options,
 }
 
 pub(crate) enum Command {
@@ -157,12 +157,11 @@ impl Recorder {
     ) -> Result<Self> {
         let (commands, queue) = sync_channel(options.queue_capacity);
         let shared = Arc::new(Shared::new(&options, ledger.account()));
-        let stop_within = options.stop_within;
         let worker = Worker::open(
             directory,
             stem,
             session.clone(),
-            options,
+            options.clone(),
             Arc::clone(&shared),
         )?;
         let (end, ended) = sync_channel(1);
@@ -178,7 +177,7 @@ impl Recorder {
             shared,
             ended: Some(Mutex::new(ended)),
             session,
-            stop_within,
+            options,
         })
     }
 
@@ -213,9 +212,12 @@ impl Recorder {
         lost.len()
     }
 
-    /// Takes a decoded record. Arrivals have priority: if the queue is three quarters full, the record
-    /// is lost and counted.
+    /// Takes a decoded record, unless [`Options::left_out`] names it. Arrivals have priority: if the queue
+    /// is three quarters full, the record is lost and counted.
     pub fn record(&self, record: Record) -> bool {
+        if self.options.leaves_out(&record) {
+            return true;
+        }
         let waiting = self.shared.waiting.fetch_add(1, Ordering::Relaxed);
         self.shared.enter_tally(&Tally::records(1));
         let room = waiting < self.shared.capacity - self.shared.capacity / 4;
@@ -271,7 +273,7 @@ impl Recorder {
     /// # Errors
     /// If the writer's thread has ended early. The summary reports errors of the disk.
     pub fn finish(self) -> Result<RecorderSummary> {
-        let stop_within = self.stop_within;
+        let stop_within = self.options.stop_within;
         self.finish_by(stop::deadline(stop_within))
     }
 
@@ -289,7 +291,7 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        if let Some(Err(error)) = self.stop(stop::deadline(self.stop_within)) {
+        if let Some(Err(error)) = self.stop(stop::deadline(self.options.stop_within)) {
             tracing::error!(%error, "the log was not closed");
         }
     }

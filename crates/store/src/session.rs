@@ -1,9 +1,9 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use sample::{LogTime, SourceId};
+use sample::{LogTime, Measurement, Sample, SourceId};
 
-use crate::{DynamicMessage, UtcOffset};
+use crate::{DynamicMessage, Record, UtcOffset};
 
 /// Description of a run, which every file of the run contains.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -194,6 +194,22 @@ pub struct Options {
     /// Longest time to close the last file; data that is not written by then is counted as lost
     /// (recorder only).
     pub stop_within: Duration,
+    /// Names of the decoded CAN messages of each source that are not written.
+    pub left_out: BTreeMap<SourceId, BTreeSet<String>>,
+}
+
+impl Options {
+    /// Whether the record is a decoded CAN message that is not written.
+    pub(crate) fn leaves_out(&self, record: &Record) -> bool {
+        match record {
+            Record::Sample(Sample {
+                source,
+                measurement: Measurement::Signals(frame),
+                ..
+            }) => (self.left_out.get(source)).is_some_and(|names| names.contains(&frame.message)),
+            _ => false,
+        }
+    }
 }
 
 impl Default for Options {
@@ -211,6 +227,7 @@ impl Default for Options {
             backlog_capacity: 1 << 17,
             retry_interval: Duration::from_secs(1),
             stop_within: Duration::from_secs(20),
+            left_out: BTreeMap::new(),
         }
     }
 }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use sample::LogTime;
 
 use crate::reader::{ChannelInfo, MessageRef, Missing, Reader, Selection};
-use crate::{Error, Result};
+use crate::{Encoded, Error, Result};
 use plan::Plan;
 pub use values::Values;
 
@@ -100,6 +100,11 @@ impl Table {
         }
     }
 
+    fn push_times(&mut self, log_time: LogTime, publish_time: LogTime) {
+        self.log_time_ns.push(log_time.0.cast_signed());
+        self.publish_time_ns.push(publish_time.0.cast_signed());
+    }
+
     fn truncate(&mut self, rows: usize) {
         self.log_time_ns.truncate(rows);
         self.publish_time_ns.truncate(rows);
@@ -149,6 +154,33 @@ impl RowDecoder {
             what,
         })?;
         Ok(Self { plan, table })
+    }
+
+    /// Adds a message as a row.
+    ///
+    /// # Errors
+    /// If the message does not follow its schema; there is no row then.
+    pub fn push(&mut self, message: &Encoded) -> Result<()> {
+        let pushed = self.table.push(&mut self.plan, &message.data);
+        pushed.map_err(|cause| Error::BadMessage {
+            topic: message.topic.clone(),
+            log_time: message.log_time.0,
+            cause: cause.into(),
+        })?;
+        self.table
+            .push_times(message.log_time, message.publish_time);
+        Ok(())
+    }
+
+    /// Rows that were not taken yet.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.table.log_time_ns.len()
+    }
+
+    /// Takes the rows and leaves the columns.
+    pub fn take(&mut self) -> Table {
+        self.table.split_off_rows()
     }
 
     /// Columns that can be numbers.
@@ -267,12 +299,7 @@ impl OpenTable {
         let pushed = self.table.push(&mut self.plans[plan].1, message.data);
         let table = &mut self.table;
         match pushed {
-            Ok(()) => {
-                table.log_time_ns.push(message.log_time.0.cast_signed());
-                table
-                    .publish_time_ns
-                    .push(message.publish_time.0.cast_signed());
-            }
+            Ok(()) => table.push_times(message.log_time, message.publish_time),
             Err(cause) => table.missing.push(Missing::BadMessage {
                 topic: self.topic.clone(),
                 log_time: message.log_time,

@@ -12,6 +12,27 @@ pub fn moment_s(text: &str) -> Result<f64, String> {
     within(text, 0.0..=1e9, "s")
 }
 
+/// A place and a direction: latitude, longitude and perhaps a heading, deg.
+pub fn gate(text: &str) -> Result<report::Gate, String> {
+    let mut words = text.split(',');
+    let mut next = |limit: f64| {
+        words
+            .next()
+            .map(|word| within(word.trim(), -limit..=limit, "deg"))
+    };
+    let (latitude, longitude, heading) = (next(90.0), next(180.0), next(360.0));
+    match (latitude, longitude, words.next()) {
+        (Some(latitude), Some(longitude), None) => Ok(report::Gate {
+            latitude_deg: latitude?,
+            longitude_deg: longitude?,
+            heading_deg: heading.transpose()?,
+        }),
+        _ => Err(
+            "give latitude, longitude and perhaps a heading, as in 32.5967,-85.4903,90".to_owned(),
+        ),
+    }
+}
+
 /// Time for which a command listens to a device, s.
 pub fn listen_s(text: &str) -> Result<f64, String> {
     within(text, 0.01..=3600.0, "s")

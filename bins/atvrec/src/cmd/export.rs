@@ -7,7 +7,7 @@ mod text;
 use std::io::{BufWriter, Write};
 
 use engine::config::closest;
-use engine::missing;
+use engine::{LeftOut, missing};
 use sample::LogTime;
 use store::{Column, Info, Missing, Reader, Table, UtcOffset, Values};
 
@@ -39,7 +39,8 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
     }
     let reader = Reader::open(&args.logs)?;
     let info = reader.info();
-    check_topic(&args.topic, &info)?;
+    let left_out = LeftOut::of(&reader);
+    check_topic(&args.topic, &info, &left_out)?;
     super::check_from(args.from_s, &info)?;
     let begin = info.span.map_or(LogTime(0), |(first, _)| first);
     let start = args
@@ -50,6 +51,7 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
         .map_or(LogTime(u64::MAX), |to_s| begin.offset_seconds(to_s));
     let export = Export {
         reader: &reader,
+        left_out: &left_out,
         topic: &args.topic,
         span: [start, end],
         utc: reader.utc_offset()?,
@@ -83,12 +85,14 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
     })
 }
 
-/// Refuses a topic that the log does not have.
-fn check_topic(topic: &str, info: &Info) -> anyhow::Result<()> {
-    if info.channels.contains_key(topic) {
+/// Refuses a topic that is neither in the log nor left out of it.
+fn check_topic(topic: &str, info: &Info, left_out: &LeftOut) -> anyhow::Result<()> {
+    let known = info.channels.keys().map(String::as_str);
+    let mut known: Vec<&str> = known.chain(left_out.topics()).collect();
+    if known.contains(&topic) {
         return Ok(());
     }
-    let known: Vec<&str> = info.channels.keys().map(String::as_str).collect();
+    known.sort_unstable();
     let hint = match closest(topic, &known) {
         Some(near) => format!("did you mean {near}?"),
         None if known.is_empty() => "it has no topic".to_owned(),
@@ -103,6 +107,7 @@ const BATCH_ROWS: usize = 1 << 15;
 /// A topic that is exported in batches of rows.
 struct Export<'a> {
     reader: &'a Reader,
+    left_out: &'a LeftOut,
     topic: &'a str,
     span: [LogTime; 2],
     utc: Option<UtcOffset>,
@@ -127,7 +132,8 @@ struct Written {
 impl Export<'_> {
     /// The columns of all batches, without rows.
     fn columns(&self) -> anyhow::Result<Table> {
-        let mut columns = self.reader.columns(self.topic, self.span)?;
+        let reader = self.reader;
+        let mut columns = self.left_out.columns(reader, self.topic, self.span)?;
         self.add_utc(&mut columns);
         Ok(columns)
     }
@@ -199,8 +205,9 @@ impl Export<'_> {
         mut write: impl FnMut(&Table) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         let topics = [self.topic];
-        self.reader
-            .each_batch(&topics, self.span, BATCH_ROWS, |_, mut table| {
+        let (reader, span) = (self.reader, self.span);
+        self.left_out
+            .each_batch(reader, &topics, span, BATCH_ROWS, |_, mut table| {
                 self.interrupt.check()?;
                 if let Some(last) = table.log_time_ns.last() {
                     let last = LogTime(last.cast_unsigned());

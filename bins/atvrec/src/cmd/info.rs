@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use engine::missing;
+use engine::{LeftOut, missing};
 use sample::text::printable;
 use sample::{LogTime, MessageCount};
 use serde_json::json;
@@ -21,6 +21,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     let utc = reader.utc_offset()?;
     let undecoded = undecoded(&reader, &info);
     let trouble = trouble(&reader, &info);
+    let left_out = LeftOut::of(&reader);
     if args.json {
         let mut shown = as_json(&info, &reader, utc);
         shown["undecoded"] = undecoded
@@ -28,9 +29,11 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
             .map(|(name, list)| json!({ name: list }))
             .collect();
         shown["trouble_codes"] = trouble.iter().map(Trouble::as_json).collect();
+        shown["left_out"] = left_out.topics().collect();
         println!("{shown:#}");
     } else {
         print!("{}", as_text(&info, &reader, utc));
+        print!("{}", left_out_text(&left_out));
         print!("{}", undecoded_text(&undecoded));
         print!("{}", trouble_text(&trouble));
     }
@@ -62,6 +65,19 @@ fn undecoded(reader: &Reader, info: &Info) -> Vec<(String, Vec<MessageCount>)> {
     named
         .filter(|(_, undecoded)| !undecoded.is_empty())
         .collect()
+}
+
+/// Topics that are not in the log, and that `export` decodes from the raw frames.
+fn left_out_text(left_out: &LeftOut) -> String {
+    let mut topics = left_out.topics().peekable();
+    let mut text = String::new();
+    if topics.peek().is_some() {
+        text.push_str("\nnot written, decoded by export and replay (record.decoded)\n");
+    }
+    for topic in topics {
+        let _ = writeln!(text, "{}", printable(topic));
+    }
+    text
 }
 
 fn undecoded_text(undecoded: &[(String, Vec<MessageCount>)]) -> String {

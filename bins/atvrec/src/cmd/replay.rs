@@ -37,7 +37,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     };
     let replay = Replay::new(&reader, &config, options)?;
     let mut log = output
-        .map(|target| target.log(replay.session().clone(), config.storage.options.clone()))
+        .map(|target| target.log(replay.session().clone(), replay.log_options().clone()))
         .transpose()?;
     let progress = Progress::seconds("replay", log_seconds(&reader), quiet);
     let mut pace = args.rate.map(Pace::new);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use engine::output::{Kind, Target};
 use engine::{Config, scope};
-use report::{Options, Report, Units};
+use report::{Gates, Options, Picture, Report, Units};
 use store::Reader;
 
 use crate::cli::{Axis, ReportArgs, UnitSystem};
@@ -28,6 +28,13 @@ pub fn run(args: &ReportArgs, quiet: bool) -> anyhow::Result<Outcome> {
         },
         smoothed: args.smoothed,
         full: args.full,
+        gates: match (args.laps, args.gate.is_empty()) {
+            (true, _) => Gates::Start,
+            (false, true) => Gates::None,
+            (false, false) => Gates::At(args.gate.clone()),
+        },
+        over_distance: args.axis == Axis::Distance,
+        picture: args.map.as_deref().map(picture).transpose()?,
         limits: limits(&args.logs)?,
     };
     if args.json {
@@ -114,6 +121,24 @@ fn write_files(found: &Report, directory: &Path, force: bool) -> anyhow::Result<
         })?;
     }
     Ok(())
+}
+
+/// Extensions of a world file. Programs that write maps put it beside the picture.
+const WORLD_FILES: [&str; 5] = ["pgw", "jgw", "wld", "pngw", "jpgw"];
+
+/// A picture of the ground with its world file.
+fn picture(path: &Path) -> anyhow::Result<Picture> {
+    let shown = path.display();
+    let image = std::fs::read(path).with_context(|| format!("cannot read the picture {shown}"))?;
+    let mut names = WORLD_FILES
+        .iter()
+        .map(|extension| path.with_extension(extension));
+    let world = names.find(|name| name.exists()).with_context(|| {
+        format!("the picture {shown} has no world file beside it; export it with one, such as .pgw")
+    })?;
+    let text = std::fs::read_to_string(&world)
+        .with_context(|| format!("cannot read the world file {}", world.display()))?;
+    Picture::new(image, &text).with_context(|| format!("the picture {shown} cannot be used"))
 }
 
 /// What was not estimated in a log with a configuration, and why.

@@ -17,10 +17,14 @@ mod identify;
 mod import;
 mod import_kinds;
 mod inputs;
+#[cfg(target_os = "linux")]
+mod interrupt;
+mod left_out;
 #[cfg(feature = "live")]
 mod live;
 #[cfg(target_os = "linux")]
 mod losses;
+mod other_program;
 mod outputs;
 mod outside;
 mod passenger_car;

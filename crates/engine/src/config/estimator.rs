@@ -186,7 +186,7 @@ fn read_tuning(
     section.finish(collector);
 }
 
-fn by_name<T: Copy>(
+pub(super) fn by_name<T: Copy>(
     field: &Field<impl Sized>,
     name: &str,
     known: &[(&str, T)],

@@ -58,7 +58,8 @@ class Log:
 
     @property
     def topics(self) -> list[str]:
-        """All topics, sorted."""
+        """All topics, sorted, with the decoded CAN messages that ``record.decoded`` leaves out of the
+        log. :meth:`read` decodes these from the raw frames."""
         return self._reader.topics()
 
     @property

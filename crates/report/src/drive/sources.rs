@@ -47,6 +47,14 @@ impl SourceRates {
     }
 }
 
+/// A place by longitude and latitude, rad, in metres east and north of another one.
+pub fn local_m([longitude, latitude]: [f64; 2], origin: [f64; 2]) -> [f64; 2] {
+    [
+        (longitude - origin[0]) * math::cos(origin[1]) * MEAN_RADIUS_M,
+        (latitude - origin[1]) * MEAN_RADIUS_M,
+    ]
+}
+
 /// Replaces geographic positions by metres east and north of the first one that the receiver solved,
 /// which 32 bits can hold. Positions that are not solved become NaN.
 pub fn to_local(table: &mut Table, origin: &mut Option<[f64; 2]>) {
@@ -67,11 +75,7 @@ pub fn to_local(table: &mut Table, origin: &mut Option<[f64; 2]>) {
     for ((longitude, latitude), quality) in longitudes.iter().zip(latitudes).zip(qualities) {
         let [east, north] = if *quality > 0 {
             let here = [*longitude, *latitude];
-            let [longitude, latitude] = *origin.get_or_insert(here);
-            [
-                (here[0] - longitude) * math::cos(latitude) * MEAN_RADIUS_M,
-                (here[1] - latitude) * MEAN_RADIUS_M,
-            ]
+            local_m(here, *origin.get_or_insert(here))
         } else {
             [f64::NAN; 2]
         };

@@ -5,8 +5,10 @@ use std::borrow::Cow;
 use super::curves::Curves;
 use super::{Candidate, NO_ESTIMATES, WHEELS, panel};
 use crate::frame::Frame;
+use crate::laps::Laps;
 use crate::options::Quantity;
-use crate::plot::{Figure, Kind, Pen};
+use crate::plot::{Data, Figure, Kind, Pen, Trace};
+use crate::reference::distance_m;
 
 /// Most points of a diagram.
 const POINTS: usize = 6_000;
@@ -134,6 +136,69 @@ fn handling(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
         )
     };
     all.push((figure, NO_ESTIMATES));
+}
+
+/// Most laps that are drawn over each other.
+const LAPS_MAX: usize = 20;
+
+/// Speed and lateral acceleration of each lap over the distance from its begin.
+pub fn laps(curves: &Curves<'_>, laps: &Laps, all: &mut Vec<Candidate>) {
+    let motion = &curves.drive.motion;
+    let travelled_m = distance_m(motion);
+    let (length, unit) = curves.options.units.of(Quantity::Length);
+    let specs = [
+        ("speed", "velocity_x_m_s", Quantity::Speed),
+        (
+            "lateral acceleration",
+            "acceleration_m_s2.y",
+            Quantity::Acceleration,
+        ),
+    ];
+    let panels = specs.into_iter().filter_map(|(name, column, quantity)| {
+        let values = motion.get(column)?;
+        let (factor, of) = curves.options.units.of(quantity);
+        let traces = laps
+            .laps
+            .iter()
+            .take(LAPS_MAX)
+            .enumerate()
+            .map(|(index, lap)| {
+                let [from, to] = lap
+                    .span_s
+                    .map(|at_s| motion.time_s.partition_point(|time| *time < at_s));
+                let begin_m = travelled_m.get(from).copied().unwrap_or_default();
+                let x = travelled_m[from..to]
+                    .iter()
+                    .map(|at_m| (at_m - begin_m) * length);
+                let y = values[from..to]
+                    .iter()
+                    .map(|value| f64::from(*value) * factor);
+                Trace {
+                    name: format!("lap {}", index + 1),
+                    pen: Pen::Other(index),
+                    data: Data::Own {
+                        x: x.collect(),
+                        y: y.collect(),
+                    },
+                }
+            });
+        let mut one = panel(format!("{name} ({of})"), traces);
+        one.heading = name.to_owned();
+        Some(one)
+    });
+    let caption = "The laps over the distance from their begin.";
+    let label = format!("distance ({unit})");
+    let figure = Figure {
+        kind: Kind::Plain,
+        ..diagram(
+            "laps-over-distance",
+            "Laps",
+            caption,
+            label,
+            panels.collect(),
+        )
+    };
+    all.push((figure, "the path passes no gate twice"));
 }
 
 fn track(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {

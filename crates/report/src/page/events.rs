@@ -7,6 +7,7 @@ use sample::{Event, EventKind, LogTime, Severity, Wheel};
 use serde_json::{Value, json};
 
 use crate::drive::Drive;
+use crate::laps::Laps;
 use crate::summary::{Summary, fault_spans, many};
 
 /// Rows of the table, and lines in the figures.
@@ -70,8 +71,11 @@ fn event_text(event: &Event) -> String {
 }
 
 /// Lines and bands for the figures: begin, end or nothing, kind and text.
-pub fn lines(drive: &Drive, summary: &Summary) -> Value {
+pub fn lines(drive: &Drive, summary: &Summary, laps: Option<&Laps>) -> Value {
     let mut lines: Vec<Value> = Vec::new();
+    for (gate, at_s) in laps.iter().flat_map(|laps| &laps.passes) {
+        lines.push(json!([at_s, null, "gate", format!("gate {gate}")]));
+    }
     for gap in &summary.gaps_s {
         lines.push(json!([gap[0], gap[1], "gap", "no estimates"]));
     }

@@ -125,7 +125,7 @@ fn wheel(row: &WheelRow, body: &mut String) {
 }
 
 /// Four significant digits, not more than needed; a dash for nothing.
-fn number(value: Option<f64>) -> String {
+pub fn number(value: Option<f64>) -> String {
     match value {
         None => "–".to_owned(),
         Some(value) if value.abs() >= 100.0 => format!("{value:.0}"),

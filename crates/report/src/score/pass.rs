@@ -247,12 +247,23 @@ impl<'a> Pass<'a> {
 
 /// The topics that a score needs.
 fn topics(stage: Stage) -> Vec<String> {
-    let mut topics: Vec<String> = ["/truth/*", "/lagged/*", "/estimate/*"]
-        .map(str::to_owned)
-        .into();
-    topics.push(match stage {
-        Stage::Estimate => "/model/tyre_forces".to_owned(),
-        stage => format!("/{}/*", stage.name()),
-    });
-    topics
+    // Of the estimates with a lag, only forces and road are compared.
+    let always = [
+        "/truth/motion",
+        "/truth/tyre_forces",
+        "/truth/contact_forces",
+        "/truth/friction",
+        "/truth/ground",
+        "/lagged/tyre_forces",
+        "/lagged/contact_forces",
+        "/lagged/road",
+        "/estimate/events",
+        "/estimate/parameters",
+        "/estimate/road",
+    ];
+    let of_stage = ["motion", "tyre_forces", "contact_forces", "road"];
+    let of_stage = of_stage.map(|topic| format!("/{}/{topic}", stage.name()));
+    let model = (stage == Stage::Estimate).then(|| "/model/tyre_forces".to_owned());
+    let always = always.into_iter().map(str::to_owned);
+    always.chain(of_stage).chain(model).collect()
 }

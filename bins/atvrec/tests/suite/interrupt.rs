@@ -1,0 +1,164 @@
+//! SIGINT during long work leaves no half file.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use sample::{ForceFrame, LogTime, Motion, PerWheel, TyreForce};
+use store::{Options, Reader, Record, Stage, Writer};
+
+use crate::support::simulate;
+
+/// Instants of the estimates and of the truth. The work on them takes much longer than a signal.
+const INSTANTS: u32 = 60_000;
+/// Longest time until a command listens to signals, and until it has ended.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A log of ten minutes of estimates and truth, with the configuration and the raw data of two seconds.
+fn log(directory: &Path) {
+    let drive = Reader::open([simulate(directory, "drive.mcap", 1)]).expect("a log");
+    let session = store::Session {
+        attachments: drive.attachments().expect("attachments"),
+        ..drive.session().clone()
+    };
+    let path = directory.join("long.mcap");
+    let mut writer = Writer::create(&path, session, Options::default(), 0).expect("a log");
+    let start = drive.info().span.expect("messages").0;
+    for arrival in drive.arrivals() {
+        writer.push(arrival.expect("readable")).expect("written");
+    }
+    for step in 0..INSTANTS {
+        let time = start.offset_seconds(f64::from(step) * 0.01);
+        for stage in [Stage::Estimate, Stage::Truth] {
+            for record in estimate(time, stage) {
+                writer.record(&record);
+            }
+        }
+        writer.flush_due(time).expect("written");
+    }
+    writer.finish().expect("closed");
+    fs::remove_file(directory.join("drive.mcap")).expect("removed");
+}
+
+fn estimate(time: LogTime, stage: Stage) -> [Record; 3] {
+    let forces = PerWheel(
+        [TyreForce {
+            force_n: [1.0, 2.0, 1_000.0],
+            sigma_n: [1.0; 3],
+            ..TyreForce::default()
+        }; 4],
+    );
+    let of_frame = |frame| Record::TyreForces {
+        time,
+        stage,
+        frame,
+        forces,
+    };
+    [
+        Record::Motion {
+            time,
+            stage,
+            motion: Motion {
+                velocity_x_m_s: 10.0,
+                ..Motion::default()
+            },
+        },
+        of_frame(ForceFrame::WheelCarrier),
+        of_frame(ForceFrame::Contact),
+    ]
+}
+
+fn files(directory: &Path) -> Vec<String> {
+    let entries = fs::read_dir(directory).expect("a directory");
+    let mut names: Vec<String> = entries
+        .map(|entry| {
+            entry
+                .expect("an entry")
+                .file_name()
+                .to_string_lossy()
+                .into_owned()
+        })
+        .collect();
+    names.sort();
+    names
+}
+
+/// Whether the process has a handler of SIGINT.
+fn listens(pid: u32) -> bool {
+    /// SIGINT is number 2, and the lowest bit is that of number 1.
+    const SIGINT_BIT: u64 = 1 << 1;
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask & SIGINT_BIT != 0)
+}
+
+/// Runs a command, sends SIGINT as soon as it listens, and returns its exit code and what it wrote on
+/// standard error.
+fn interrupted(directory: &Path, arguments: &[&str]) -> (Option<i32>, String) {
+    let child = Command::new(env!("CARGO_BIN_EXE_atvrec"))
+        .args(arguments)
+        .current_dir(directory)
+        .env_remove("ATVREC_LOG")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    let begin = Instant::now();
+    while !listens(child.id()) {
+        assert!(
+            begin.elapsed() < PATIENCE,
+            "{arguments:?} does not listen to SIGINT"
+        );
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let sent = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status()
+        .expect("kill");
+    assert!(sent.success());
+    let done = child.wait_with_output().expect("it ends");
+    assert!(
+        begin.elapsed() < PATIENCE,
+        "{arguments:?} goes on after SIGINT"
+    );
+    let text = String::from_utf8_lossy(&done.stderr).into_owned();
+    (done.status.code(), text)
+}
+
+#[test]
+fn an_interrupted_command_says_so_and_leaves_no_file() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    log(here);
+    let before = files(here);
+    let commands: [&[&str]; 6] = [
+        &[
+            "export",
+            "long.mcap",
+            "--topic",
+            "/estimate/tyre_forces",
+            "-o",
+            "forces.csv",
+        ],
+        &[
+            "export",
+            "long.mcap",
+            "--topic",
+            "/estimate/tyre_forces",
+            "-o",
+            "forces.parquet",
+        ],
+        &["replay", "long.mcap", "-o", "again.mcap"],
+        &["report", "long.mcap", "-o", "report.html"],
+        &["score", "long.mcap"],
+        &["score", "long.mcap", "--methods"],
+    ];
+    for arguments in commands {
+        let (code, text) = interrupted(here, arguments);
+        assert_eq!(code, Some(1), "{arguments:?}: {text}");
+        assert!(text.contains("interrupted"), "{arguments:?}: {text}");
+        assert_eq!(files(here), before, "{arguments:?}");
+    }
+}
