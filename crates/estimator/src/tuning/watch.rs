@@ -65,6 +65,8 @@ tuning! {
 tuning! {
     /// Report of biases that have jumped (`watch/bias.rs`).
     BiasWatchTuning {
+        /// Time after the start in which no sign of a jump counts.
+        settling_s: f64 = 2.0, "s";
         /// Time after the first sign of a jump before an axis is reported: at first a jump of the
         /// roll rate and one of the leftward acceleration look alike.
         learning_s: f64 = 0.5, "s";

@@ -19,6 +19,8 @@ const NAMES: [&str; 6] = [
 /// Monitor of the biases.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BiasWatch {
+    /// When the first biases were judged.
+    start: Option<LogTime>,
     jump: Option<Jump>,
 }
 
@@ -54,6 +56,10 @@ impl BiasWatch {
         tuning: &BiasWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
+        let start = *self.start.get_or_insert(now);
+        // A vehicle that shakes at the start gives a wrong attitude, whose correction is no jump.
+        let settled = |jump: &Jump| jump.first.seconds_since(start) >= tuning.settling_s;
+        self.jump = self.jump.filter(settled);
         let Some(jump) = &mut self.jump else {
             return;
         };
@@ -87,15 +93,20 @@ mod tests {
     fn the_bias_that_has_changed_is_named_until_it_is_known() {
         let mut watch = BiasWatch::default();
         let mut reported = Vec::new();
-        for k in 0..600 {
+        for k in 0..900 {
             let now = LogTime(10_000_000 * k);
+            // The attitude of the start is corrected: no jump.
+            if k == 120 {
+                watch.suspect(now, [0.5; 6]);
+            }
+            let k = k.max(300) - 300;
             // Taken for an acceleration at first.
             let bias = match k {
                 0..100 => [0.0; 6],
                 100..130 => [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
                 _ => [0.0, 0.02, 0.0, 0.1, 0.0, 0.0],
             };
-            if k == 100 || k == 130 {
+            if now.0 > 3_000_000_000 && (k == 100 || k == 130) {
                 watch.suspect(now, if k == 100 { [0.0; 6] } else { bias });
             }
             let tuning = BiasWatchTuning::default();
