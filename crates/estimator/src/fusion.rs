@@ -201,6 +201,16 @@ pub const OUTPUTS: [usize; 15] = [
     BODY_RATE + 2,
 ];
 
+/// States whose corrections adapt the process noise.
+struct Adapting {
+    rates: [Gaussian; 12],
+    forces: [Gaussian; 12],
+    /// Mean and half the difference of left and right.
+    torques: [[Gaussian; 2]; 2],
+    accels: [Gaussian; 3],
+    moments: [Gaussian; 8],
+}
+
 /// The equations of one step.
 struct StepModel {
     /// The tyres' moments that belong to the forces of the last step.
@@ -332,11 +342,7 @@ impl Fusion {
         self.earlier_n = std::array::from_fn(|wheel| self.state[LAGGED + 3 * wheel]);
         self.force_noise.drive(input.motion.velocity_m_s.x);
         self.predict(input, &model);
-        let rates = self.estimates::<12>(RATE);
-        let loads = self.estimates::<12>(FORCE);
-        let torques = [0, 2].map(|part| self.estimates::<2>(TORQUE + part));
-        let accels = self.estimates::<3>(ACCEL_BIAS);
-        let moments = self.estimates::<8>(MOMENT);
+        let before = self.adapting();
         self.agreed = false;
         let inertial = input.motion.inertial && !self.settling();
         if inertial {
@@ -353,23 +359,7 @@ impl Fusion {
             }
         }
         if !self.settling() {
-            self.force_noise.learn(
-                corrections(&rates, &self.estimates(RATE)),
-                self.length_measured,
-                {
-                    let c = corrections(&loads, &self.estimates::<12>(FORCE));
-                    [c[2], c[5], c[8], c[11]]
-                },
-            );
-            for (part, torques) in torques.iter().enumerate() {
-                let corrected = corrections(torques, &self.estimates(TORQUE + 2 * part));
-                self.torque[part].learn(corrected);
-            }
-            let corrected = corrections(&moments, &self.estimates::<8>(MOMENT));
-            self.tipping
-                .learn(std::array::from_fn(|wheel| corrected[2 * wheel]));
-            self.accel
-                .learn(corrections(&accels, &self.estimates(ACCEL_BIAS)));
+            self.learn_noise(&before);
         }
         self.watch_lengths(input.channels, changes);
         if !self.sound() {
@@ -391,6 +381,35 @@ impl Fusion {
             now: self.forces(FORCE, self.blow_n),
             lagged: self.forces(LAGGED, self.lagged_blow_n()),
         }
+    }
+
+    /// The states whose corrections adapt the process noise.
+    fn adapting(&self) -> Adapting {
+        Adapting {
+            rates: self.estimates(RATE),
+            forces: self.estimates(FORCE),
+            torques: [0, 2].map(|part| self.estimates(TORQUE + part)),
+            accels: self.estimates(ACCEL_BIAS),
+            moments: self.estimates(MOMENT),
+        }
+    }
+
+    /// Adapts the process noise to the corrections of the step, from the states before them.
+    fn learn_noise(&mut self, before: &Adapting) {
+        let after = self.adapting();
+        let forces = corrections(&before.forces, &after.forces);
+        self.force_noise.learn(
+            corrections(&before.rates, &after.rates),
+            self.length_measured,
+            std::array::from_fn(|wheel| forces[3 * wheel + 2]),
+        );
+        for (part, torque) in self.torque.iter_mut().enumerate() {
+            torque.learn(corrections(&before.torques[part], &after.torques[part]));
+        }
+        let moments = corrections(&before.moments, &after.moments);
+        self.tipping
+            .learn(std::array::from_fn(|wheel| moments[2 * wheel]));
+        self.accel.learn(corrections(&before.accels, &after.accels));
     }
 
     /// The equations of the step, linear in the states.

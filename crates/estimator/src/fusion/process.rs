@@ -260,6 +260,14 @@ impl Fusion {
             c.add_noise(STRUT + wheel, gains.strut * strut);
             c.add_noise(LENGTH_ERROR + wheel, gains.length_mm2[wheel]);
         }
+        self.add_body_noise(input, gains);
+    }
+
+    /// Process noise of torques, of the body and of the strain offsets.
+    fn add_body_noise(&mut self, input: &StepInput<'_>, gains: &DecayGains) {
+        let (t, dt) = (self.tuning, input.dt);
+        let n = t.force_noise;
+        let c = &mut self.covariance;
         for axle in 0..2 {
             for (part, noise) in self.torque.iter().enumerate() {
                 c.add_noise(TORQUE + 2 * part + axle, noise.density() * dt);
