@@ -154,12 +154,12 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/motion",
             motion_columns(),
-            (8_976_071_119_380_826_876, 8_800),
+            (4_736_574_864_919_364_660, 8_800),
         ),
         (
             "/estimate/contact_forces",
             force_columns(),
-            (14_051_223_489_631_958_253, 9_600),
+            (2_655_708_218_655_551_522, 9_600),
         ),
     ] {
         let table = stdout(&run(&["export", "again.mcap", "-t", topic]));
