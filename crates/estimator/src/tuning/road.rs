@@ -56,7 +56,7 @@ tuning! {
         /// Memory of the usual spread.
         slope_spread_m: f64 = 80.0, "m";
         /// Mean over the usual spread from which the slope of the ground changes.
-        slope_change_sigma: f64 = 1.2, "1";
+        slope_change_sigma: f64 = 1.5, "1";
         /// Least usual spread of the plane's slope.
         slope_spread_min: f64 = 0.004, "1";
         /// Speed that stands for time at rest.
