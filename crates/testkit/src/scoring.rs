@@ -168,6 +168,24 @@ pub fn carrier_errors(run: &Run, vehicle: &Vehicle, estimates: &[Estimate]) -> [
     })
 }
 
+/// Mean squares of the errors of F_x, F_y, F_z over their standard deviations, in the wheel-carrier frame.
+#[must_use]
+pub fn carrier_squares(run: &Run, estimates: &[Estimate]) -> [f64; 3] {
+    let mut sums = [0.0; 3];
+    let mut count = 0;
+    let judged = estimates.iter().map(|estimate| (estimate, row(estimate)));
+    for (estimate, row) in judged.filter(|(_, row)| (SETTLING_ROWS..run.rows).contains(row)) {
+        for (force, truth) in estimate.carrier.0.iter().zip(run.carrier_forces(row)) {
+            count += 1;
+            for axis in 0..3 {
+                let z = (force.force_n[axis] - truth[axis]) / force.sigma_n[axis];
+                sums[axis] += z * z;
+            }
+        }
+    }
+    sums.map(|sum| sum / f64::from(count))
+}
+
 /// Whether the standard deviations of all forces hold, after the first 3 s.
 pub struct Squares {
     /// Mean squares of the normalised errors of F_x, F_y, F_z.

@@ -68,3 +68,34 @@ impl Lag {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A signal on a line has no bend, a step has one, and what comes after a gap is compared with nothing
+    /// before it.
+    #[test]
+    fn only_what_leaves_the_line_is_a_bend() {
+        let tau_s = 0.008;
+        let mut lag = Lag::default();
+        let mut through = 0.0;
+        let mut bends = Vec::new();
+        let times_ms = (0..20).chain(30..34).map(|k| 10 * k);
+        for time_ms in times_ms {
+            let signal = f64::from(time_ms) + if time_ms >= 100 { 500.0 } else { 0.0 };
+            let kept = math::exp(-0.01 / tau_s);
+            through = kept * through + (1.0 - kept) * signal;
+            let reading = Reading {
+                time: LogTime(1_000_000 * u64::try_from(time_ms).unwrap()),
+                value: through,
+                taken: false,
+                count: 1,
+            };
+            bends.push(lag.invert(&reading, tau_s).bend.round());
+        }
+        let mut expected = vec![0.0; 24];
+        expected[10..12].copy_from_slice(&[500.0, -500.0]);
+        assert_eq!(bends, expected);
+    }
+}
