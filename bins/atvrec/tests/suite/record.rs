@@ -461,7 +461,8 @@ fn a_trigger_keeps_what_was_before_it_and_what_comes_after() {
     fs::write(&config, source.configuration("port") + trigger).expect("written");
     let mut recorder = Recorder::start(directory.path());
     let logs_there = directory.path().join("logs");
-    std::thread::sleep(std::time::Duration::from_millis(1_500));
+    // The source must be open for longer than what a log keeps before its trigger.
+    std::thread::sleep(std::time::Duration::from_secs(6));
     assert_eq!(logs(&logs_there).len(), 0);
     let mark = || {
         atvrec(directory.path())
