@@ -196,6 +196,10 @@ pub struct ReplayArgs {
     #[cfg(feature = "live")]
     #[arg(long, value_name = "ADDRESS:PORT", requires = "live")]
     pub listen: Option<std::net::SocketAddr>,
+    /// File with the token of the server with --live; needed on another address than loopback.
+    #[cfg(feature = "live")]
+    #[arg(long, value_name = "FILE", requires = "live")]
+    pub token_file: Option<PathBuf>,
     /// Compare every message that was decoded or estimated while recording with the repeated one,
     /// bit by bit. The exit code is 1 if one differs.
     #[arg(long)]
@@ -679,7 +683,8 @@ pub struct SocketArgs {
     /// Configuration of the recorder [default: atvrec.toml, else /etc/atvrec/atvrec.toml].
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Log directory of the recorder, if it was started with `record --directory`.
+    /// Log directory of the recorder, if it was started with `record --directory`. It needs no
+    /// configuration.
     #[arg(short, long, value_name = "DIR")]
     pub directory: Option<PathBuf>,
     /// Control socket of the recorder, if its configuration is not available.

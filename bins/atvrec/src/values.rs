@@ -16,6 +16,12 @@ pub fn text(value: &Value) -> Cow<'_, str> {
     printable(value.as_str().unwrap_or_default())
 }
 
+/// The sources, without the recorder itself.
+pub fn sources(status: &Value) -> impl Iterator<Item = &Value> {
+    let all = status["sources"].as_array().into_iter().flatten();
+    all.filter(|source| source["name"] != "recorder")
+}
+
 /// Duration in the largest fitting unit.
 pub fn duration(seconds: f64) -> String {
     match seconds {
@@ -62,6 +68,15 @@ pub fn degrees(value: &Value) -> String {
         .map_or_else(|| "–".to_owned(), |value| fixed(value.to_degrees(), 1))
 }
 
+/// Time until a wheel lifts, s, or that it is off the ground.
+pub fn lift(estimate: &Value, wheel: Wheel) -> String {
+    let time = &estimate["rollover"]["time_to_lift_s"][wheel.index()];
+    match time.as_f64() {
+        Some(time_s) if time_s <= 0.0 => "in air".to_owned(),
+        _ => number(time, 1),
+    }
+}
+
 /// Least time until a wheel lifts and which wheel; `None` if none falls.
 pub fn least_lift(estimate: &Value) -> Option<(Wheel, f64)> {
     let times = &estimate["rollover"]["time_to_lift_s"];
@@ -90,13 +105,9 @@ pub fn line(status: &Value) -> String {
     if let Some(lasts_s) = disk["lasts_s"].as_f64() {
         let _ = write!(line, ", disk {}", duration(lasts_s));
     }
-    let sources = status["sources"].as_array();
-    let silent: Vec<_> = sources
-        .into_iter()
-        .flatten()
+    let silent: Vec<_> = sources(status)
         .filter(|source| source["age_s"].as_f64().is_none_or(|age| age > 1.0))
         .map(|source| text(&source["name"]))
-        .filter(|name| name != "recorder")
         .collect();
     if !silent.is_empty() {
         let _ = write!(line, " | silent: {}", silent.join(", "));
@@ -177,6 +188,13 @@ mod tests {
         );
         status["now_ns"] = json!(12_000_000_000_u64);
         assert!(line(&status).ends_with("| no estimate"));
+    }
+
+    #[test]
+    fn a_wheel_off_the_ground_has_no_time() {
+        let estimate = json!({"rollover": {"time_to_lift_s": [0.0, 0.04, null, 2.0]}});
+        let texts = Wheel::ALL.map(|wheel| lift(&estimate, wheel));
+        assert_eq!(texts, ["in air", "0.0", "–", "2.0"]);
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod adapter;
 mod can;
 mod clock;
 mod counts;
+mod lateness;
 mod rate;
 mod reception;
 mod source;
@@ -149,13 +150,20 @@ impl Engine {
                 self.mark(now, text, records);
             }
         }
-        self.estimate(now, is_data, limit_ns, records);
+        self.estimate(arrival, is_data, limit_ns, records);
         records.extend(self.samples.drain(..).map(Record::Sample));
         self.watch(now, records);
         self.report_health(now, records);
     }
 
-    fn estimate(&mut self, now: LogTime, has_data: bool, limit_ns: i64, records: &mut Vec<Record>) {
+    fn estimate(
+        &mut self,
+        arrival: &Arrival,
+        has_data: bool,
+        limit_ns: i64,
+        records: &mut Vec<Record>,
+    ) {
+        let now = arrival.log_time;
         let Some(estimator) = &mut self.estimator else {
             return;
         };
@@ -211,8 +219,9 @@ impl Engine {
             scene.advance(estimator.estimator(), first, records);
             self.samples.iter().for_each(|sample| scene.sample(sample));
         }
-        for sample in &self.samples {
-            estimator.push(sample);
+        let source = self.sources.get(usize::from(arrival.source.0));
+        for (n, sample) in self.samples.iter().enumerate() {
+            estimator.push(sample, source.is_some_and(|source| source.is_too_late(n)));
         }
     }
 

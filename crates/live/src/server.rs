@@ -9,6 +9,7 @@ use std::time::Duration;
 use axum::Extension;
 use axum::Router;
 use axum::body::Bytes;
+use axum::extract::rejection::BytesRejection;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::{DefaultBodyLimit, Request, State};
@@ -22,7 +23,7 @@ use tokio::sync::{Semaphore, watch};
 use tokio::time::sleep;
 
 use crate::auth::{Access, Permission, Refusal, token_of};
-use crate::recorder::Control;
+use crate::recorder::{Control, MARK_MAX};
 use crate::tls::{self, Listener};
 use crate::{Hub, Playback, foxglove, page};
 
@@ -62,8 +63,8 @@ pub struct Settings {
 pub enum Error {
     /// The port cannot be opened.
     #[error(
-        "cannot listen on {address}: {cause}; another program may use the port: set live.address of \
-         the configuration, or --listen"
+        "cannot listen on {address}: {cause}; {}: set live.address of the configuration, or --listen",
+        reason(cause)
     )]
     Listen {
         /// Address and port.
@@ -74,8 +75,8 @@ pub enum Error {
     /// The address is reachable from other computers, and there is no token.
     #[error(
         "{0} is reachable from other computers and needs a token: set live.token_file of the \
-         configuration to a file with at least 16 characters (openssl rand -hex 16 makes one), or \
-         listen on 127.0.0.1"
+         configuration, or --token-file, to a file with at least 16 characters (openssl rand -hex 16 \
+         makes one), or listen on 127.0.0.1"
     )]
     NoToken(SocketAddr),
     /// Certificate or key cannot be used.
@@ -86,6 +87,16 @@ pub enum Error {
         /// Why.
         cause: String,
     },
+}
+
+/// What an error of listening means.
+fn reason(cause: &io::Error) -> &'static str {
+    match cause.kind() {
+        io::ErrorKind::AddrInUse => "another program uses the port",
+        io::ErrorKind::AddrNotAvailable => "this computer does not have the address at present",
+        io::ErrorKind::PermissionDenied => "only root may use ports below 1024",
+        _ => "the address or the port cannot be used",
+    }
 }
 
 /// What all clients share.
@@ -304,7 +315,25 @@ where
         })
 }
 
-async fn mark(State(shared): Shares, Extension(permission): Permits, body: Bytes) -> Response {
+async fn mark(
+    State(shared): Shares,
+    Extension(permission): Permits,
+    body: Result<Bytes, BytesRejection>,
+) -> Response {
+    let body = match body {
+        Ok(body) => body,
+        Err(rejection) if rejection.status() == StatusCode::PAYLOAD_TOO_LARGE => {
+            let error = format!(
+                "the request has more than {BODY_MAX} bytes; use at most {MARK_MAX} characters for \
+                 a mark"
+            );
+            return answer(StatusCode::PAYLOAD_TOO_LARGE, json!({ "error": error }));
+        }
+        Err(rejection) => {
+            let text = format!("the request is incomplete: {rejection}");
+            return answer(StatusCode::BAD_REQUEST, json!({ "error": text }));
+        }
+    };
     let body: Value = match serde_json::from_slice(&body) {
         Ok(body) => body,
         Err(error) => {

@@ -105,8 +105,15 @@ pub fn control_paths(socket: &SocketArgs) -> anyhow::Result<Vec<PathBuf>> {
 
 /// Configuration of the recorder.
 pub fn with_socket(socket: &SocketArgs) -> anyhow::Result<Config> {
-    let mut config = Config::load(&configuration(socket))
-        .context("cannot find the running recorder; select it with --config or --socket")?;
+    let mut config = match configuration(socket) {
+        // The log directory alone names the socket.
+        path if socket.config.is_none() && socket.directory.is_some() && !path.exists() => {
+            Config::from_text("", Path::new(""))?
+        }
+        path => Config::load(&path).context(
+            "cannot find the running recorder; select it with --config, --directory or --socket",
+        )?,
+    };
     if let Some(directory) = &socket.directory {
         config.storage.directory.clone_from(directory);
     }
@@ -168,8 +175,7 @@ fn print(response: &Value) {
 }
 
 fn print_sources(response: &Value) {
-    let sources = response["sources"].as_array();
-    for source in sources.into_iter().flatten() {
+    for source in values::sources(response) {
         let rate = &source["rate_hz"];
         let age = source["age_s"].as_f64();
         println!(

@@ -283,6 +283,8 @@ fn replay_args(files: &[PathBuf]) -> ReplayArgs {
         live: false,
         #[cfg(feature = "live")]
         listen: None,
+        #[cfg(feature = "live")]
+        token_file: None,
         json: false,
     }
 }

@@ -27,7 +27,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     #[cfg(feature = "live")]
     if args.live {
         let rate = args.rate.unwrap_or(1.0);
-        return super::live::replay(args.logs.clone(), config, rate, args.listen);
+        return super::live::replay(args, config, rate);
     }
     let begin = Instant::now();
     let options = ReplayOptions {

@@ -19,7 +19,7 @@ use super::control::send;
 use crate::cli::TopArgs;
 use crate::control::Request;
 use crate::exit::Outcome;
-use crate::values::{self, text};
+use crate::values::{self, sources, text};
 
 /// Period of the view.
 const PERIOD: Duration = Duration::from_millis(200);
@@ -153,7 +153,7 @@ fn draw_wheels(frame: &mut Frame<'_>, area: Rect, status: &Value) {
             axis(0),
             axis(1),
             axis(2),
-            values::number(&estimate["rollover"]["time_to_lift_s"][wheel.index()], 1),
+            values::lift(estimate, wheel),
         ])
     });
     let widths = [2, 20, 12, 12, 12, 6].map(Constraint::Length);
@@ -207,12 +207,6 @@ fn motion_lines(status: &Value) -> Vec<Line<'static>> {
             used("rear")
         )),
     ]
-}
-
-/// The sources, without the recorder itself.
-fn sources(status: &Value) -> impl Iterator<Item = &Value> {
-    let all = status["sources"].as_array().into_iter().flatten();
-    all.filter(|source| source["name"] != "recorder")
 }
 
 fn draw_sources(frame: &mut Frame<'_>, area: Rect, status: &Value) {
@@ -291,7 +285,7 @@ mod tests {
                 "time": 9_990_000_000_u64,
                 "motion": {"velocity_x_m_s": 8.04, "roll_rad": 0.1},
                 "carrier": [force(1000.0), force(3000.0), force(500.0), force(0.0)],
-                "rollover": {"load_transfer_ratio": 0.05, "time_to_lift_s": [2.0, null, 0.5, null]},
+                "rollover": {"load_transfer_ratio": 0.05, "time_to_lift_s": [2.0, null, 0.5, 0.0]},
             },
         })
     }
@@ -309,6 +303,7 @@ mod tests {
             "RR",
             "-340±8",
             "1000±7",
+            "in air",
             "0.05",
             "8.0 m/s",
             "roll 5.7°",

@@ -1,5 +1,7 @@
-use std::net::TcpListener;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use sample::LogTime;
 use store::Reader;
@@ -35,7 +37,12 @@ fn the_live_process_says_why_it_cannot_listen() {
         error.contains(&format!("cannot listen on {address}")),
         "{error}"
     );
+    assert!(error.contains("another program uses the port"), "{error}");
     assert!(error.contains("live.address"), "{error}");
+    std::fs::write(here.join("good"), "0123456789abcdef\n").expect("written");
+    // An address of TEST-NET-1, which no computer has.
+    let error = live_fails(here, &["--listen", "192.0.2.1:9", "--token-file", "good"]);
+    assert!(error.contains("does not have the address"), "{error}");
 
     std::fs::write(here.join("token"), "short\n").expect("written");
     let error = live_fails(here, &["--token-file", "token"]);
@@ -70,6 +77,109 @@ fn an_output_that_is_down_is_reported_and_the_recorder_records() {
         "{error}"
     );
     // Its source sent nothing.
+    assert_eq!(recorder.stop(), Some(3));
+}
+
+/// Sends a request to the live page. Returns the answer.
+fn request(address: &str, head: &str, body: &str) -> String {
+    let mut stream = TcpStream::connect(address).expect("a connection");
+    let length = body.len();
+    let text = format!(
+        "{head}\r\nHost: {address}\r\nConnection: close\r\nContent-Length: {length}\r\n\r\n"
+    );
+    stream.write_all(text.as_bytes()).expect("sent");
+    // The server answers before it has read a body that is too long, and closes the connection.
+    let _ = stream.write_all(body.as_bytes());
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+#[test]
+fn a_log_without_estimates_is_played_and_bad_requests_get_an_answer() {
+    const TOKEN: &str = "0123456789abcdef";
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    for (name, text) in [
+        ("t.csv", "t,v\n0,10\n0.5,10\n1,10\n"),
+        (
+            "map.toml",
+            "[time]\ncolumn = \"t\"\nunit = \"s\"\n[column.v]\nfrom = \"v\"\nquantity = \
+             \"speed.forward\"\nunit = \"m/s\"\n",
+        ),
+        ("token", TOKEN),
+    ] {
+        std::fs::write(here.join(name), text).expect("written");
+    }
+    let import = [
+        "import",
+        "csv",
+        "t.csv",
+        "--columns",
+        "map.toml",
+        "-o",
+        "t.mcap",
+    ];
+    atvrec(here).args(import).assert().success();
+    let replay = ["replay", "t.mcap", "--live", "--token-file", "token"];
+    let mut child = Command::new(env!("CARGO_BIN_EXE_atvrec"))
+        .args(replay)
+        .args(["--listen", "127.0.0.1:0"])
+        .current_dir(here)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("started");
+    let mut lines = BufReader::new(child.stdout.take().expect("a pipe")).lines();
+    let first = lines.next().expect("a line").expect("text");
+    let address = first
+        .strip_prefix("live page: http://")
+        .expect("an address");
+    let address = address.trim_end_matches('/');
+    assert!(request(address, "GET / HTTP/1.1", "").contains("<html"));
+    let mark = |length: usize| {
+        let head = format!("POST /api/mark HTTP/1.1\r\nAuthorization: Bearer {TOKEN}");
+        let text = "x".repeat(length);
+        request(address, &head, &format!("{{\"text\":\"{text}\"}}"))
+    };
+    let answer = mark(2000);
+    assert!(
+        answer.contains("2000 characters; the limit is 1000"),
+        "{answer}"
+    );
+    let answer = mark(1 << 20);
+    assert!(answer.starts_with("HTTP/1.1 413"), "{answer}");
+    assert!(
+        answer.contains("use at most 1000 characters for a mark"),
+        "{answer}"
+    );
+    let wrong = request(address, "GET /?token=wrong HTTP/1.1", "");
+    assert!(wrong.contains("the token is wrong"), "{wrong}");
+    child.kill().expect("killed");
+    let output = child.wait_with_output().expect("ended");
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(messages.contains("the log has no vehicle"), "{messages}");
+    assert!(!messages.contains(TOKEN), "{messages}");
+}
+
+#[test]
+fn a_recorder_is_found_by_its_log_directory_alone() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let recorder = Recorder::start(directory.path(), CONFIG);
+    let elsewhere = tempfile::tempdir().expect("a directory");
+    let status = recorder.ask(&["status", "--json"]).assert().success();
+    let status: serde_json::Value =
+        serde_json::from_slice(&status.get_output().stdout).expect("JSON");
+    let logs = directory
+        .path()
+        .join(status["directory"].as_str().expect("a directory"));
+    let found = atvrec(elsewhere.path())
+        .args(["status", "--directory"])
+        .arg(&logs)
+        .assert()
+        .success();
+    let text = String::from_utf8_lossy(&found.get_output().stdout).into_owned();
+    assert!(text.contains("recording"), "{text}");
     assert_eq!(recorder.stop(), Some(3));
 }
 

@@ -101,6 +101,8 @@ pub struct ClockFit {
     contradictions: u32,
     restarts: u32,
     is_dated: bool,
+    /// By how much the last message has lowered the line at its device time, s.
+    fell_s: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -138,6 +140,7 @@ impl ClockFit {
             contradictions: 0,
             restarts: 0,
             is_dated: false,
+            fell_s: 0.0,
         }
     }
 
@@ -145,6 +148,7 @@ impl ClockFit {
     /// which is never later than `log_time`. `None` if the device time has another scale or is not
     /// finite.
     pub fn push(&mut self, device: DeviceTime, log_time: LogTime) -> Option<LogTime> {
+        self.fell_s = 0.0;
         let device_s = self.unroll(device, log_time)?;
         self.is_dated = matches!(device, DeviceTime::Gps { week: Some(week), .. } if week >= WEEK_OF_TEN_BITS_END);
         let Some((device_0, log_0)) = self.origin else {
@@ -153,6 +157,7 @@ impl ClockFit {
         };
         let elapsed_s = device_s - device_0;
         let residual_s = log_time.seconds_since(log_0) - elapsed_s;
+        let before_s = self.offset_s + self.drift * elapsed_s;
         let late_s = residual_s - self.offset_s - self.drift * elapsed_s;
         if !(-EARLY_MAX_S..=LATE_MAX_S).contains(&late_s) {
             self.contradictions += 1;
@@ -171,7 +176,14 @@ impl ClockFit {
         if late_s < 0.0 {
             self.offset_s += late_s;
         }
+        self.fell_s = before_s - self.offset_s - self.drift * elapsed_s;
         Some(self.map(device_s).min(log_time))
+    }
+
+    /// By how much the last message has lowered the instants of device times, ns; negative if it has
+    /// raised them.
+    pub fn fell_ns(&self) -> i64 {
+        (self.fell_s * 1e9) as i64
     }
 
     /// State for the log; `None` before the first message.

@@ -1,7 +1,5 @@
 //! A source in the engine: decoder, device clock and counters.
 
-use std::collections::BTreeMap;
-
 use sample::{
     Arrival, CanFrame, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, Notice, Payload, Sample,
     SourceHealth, SourceId,
@@ -14,6 +12,7 @@ use super::adapter::AdapterClock;
 use super::can::{Arrived, CanDecoder, Scales, kernel_delay_ns};
 use super::clock::{ClockFit, Scale};
 use super::counts::MessageCounts;
+use super::lateness::Lateness;
 use super::rate::{RateClock, RateClocks, counted};
 use super::reception::{Reception, Unread};
 use super::utc::UtcClock;
@@ -22,12 +21,6 @@ use crate::config::{self, GnssMeaning, Meaning, Source};
 
 /// Largest time between two velocity records that is used as their interval, s.
 const VELOCITY_INTERVAL_MAX_S: f64 = 1.5;
-
-/// Delay from which a message counts as late, ns: what the estimator waits for measurements.
-const LATE_NS: i64 = 5_000_000;
-
-/// Increase of a usual delay with each message, ns: the fit of a device clock follows the drift.
-const USUAL_RISE_NS: i64 = 1_000;
 
 /// Additional time without data that is allowed after a device was opened, because it is set up.
 const OPENING_GRACE_NS: i64 = 2 * NANOS_PER_SECOND;
@@ -51,6 +44,8 @@ pub struct SourceState {
     late: Lateness,
     /// Largest delay of a message that is used, ns.
     limit_ns: i64,
+    /// Samples of the last arrival whose messages were later, by their places among its samples.
+    too_late: Vec<usize>,
     /// Messages by name.
     named: MessageCounts,
     /// Data of a source from which nothing was understood so far.
@@ -81,6 +76,8 @@ enum Decoder {
 /// Computes the time of validity from device time and arrival.
 struct Timing {
     fits: [ClockFit; 3],
+    /// By how much the last message has lowered its fit, ns.
+    fell_ns: i64,
     /// Clock of a device without time stamps, with its last counter.
     rate: Option<(RateClock, Option<(u32, u32)>)>,
     transport_delay_s: f64,
@@ -89,33 +86,6 @@ struct Timing {
     last_velocity_tag_s: Option<f64>,
     velocity_interval_s: f64,
     utc: UtcClock,
-}
-
-/// Numbers of late messages.
-#[derive(Clone, Debug, Default)]
-struct Lateness {
-    /// Later than the estimator waits, and used at their own time.
-    used: u64,
-    /// Later than the estimator uses.
-    unused: u64,
-    /// Usual delay of each message that was measured, by name, ns: the line carries the messages of one
-    /// instant one after another.
-    usual_ns: BTreeMap<&'static str, i64>,
-}
-
-impl Lateness {
-    /// Counts a message by its delay beyond the usual one.
-    fn count_named(&mut self, name: &'static str, delay_ns: i64, limit_ns: i64) {
-        let usual_ns = self.usual_ns.entry(name).or_insert(delay_ns);
-        *usual_ns = delay_ns.min(*usual_ns + USUAL_RISE_NS);
-        let late_ns = delay_ns - *usual_ns;
-        self.count(late_ns, limit_ns);
-    }
-
-    fn count(&mut self, late_ns: i64, limit_ns: i64) {
-        self.used += u64::from((LATE_NS + 1..=limit_ns).contains(&late_ns));
-        self.unused += u64::from(late_ns > limit_ns);
-    }
 }
 
 /// Change of the silence of a source.
@@ -188,6 +158,7 @@ impl SourceState {
             rates: RateClocks::default(),
             late: Lateness::default(),
             limit_ns: 0,
+            too_late: Vec::new(),
             named: MessageCounts::default(),
             unread: Unread::default(),
             kind: source.meaning.kind(),
@@ -199,10 +170,16 @@ impl SourceState {
         &self.name
     }
 
-    /// Processes an arrival of the source and appends the samples.
+    /// Whether the message of a sample of the last arrival was later than the limit.
+    pub fn is_too_late(&self, sample: usize) -> bool {
+        self.too_late.binary_search(&sample).is_ok()
+    }
+
+    /// Processes an arrival of the source and appends the samples to the empty `sink`.
     /// Messages later than `limit_ns` are not used.
     pub fn push(&mut self, arrival: &Arrival, limit_ns: i64, sink: &mut Vec<Sample>) {
         self.limit_ns = limit_ns;
+        self.too_late.clear();
         let log_time = arrival.log_time;
         match &arrival.payload {
             Payload::Bytes(bytes) => {
@@ -241,9 +218,12 @@ impl SourceState {
                         self.rates.lateness_ns(frame, now, coarse)
                     }
                 };
-                self.late.count(late_ns, self.limit_ns);
+                let is_too_late = self.late.count(late_ns, self.limit_ns);
                 let before = sink.len();
                 decoder.push(&Arrived { late_ns, ..arrived }, frame, sink);
+                if is_too_late {
+                    self.too_late.extend(before..sink.len());
+                }
                 self.named.count_frame(frame, sink.get(before));
                 if self.named.understood() > 0 {
                     self.unread.clear();
@@ -263,14 +243,14 @@ impl SourceState {
         sink: &mut Vec<Sample>,
     ) {
         let (id, timing, named) = (self.id, &mut self.timing, &mut self.named);
-        let (late, limit_ns) = (&mut self.late, self.limit_ns);
+        let (late, limit_ns, too_late) = (&mut self.late, self.limit_ns, &mut self.too_late);
         let deliver = |item: Item<'_>| {
             named.count_item(&item);
             let is_measured = !item.measurements.is_empty();
             let mapped = timing.tag(item.device_time, is_measured, arrived);
-            if is_measured {
-                late.count_named(item.name, arrived - mapped, limit_ns);
-            }
+            late.fit_fell(timing.fell_ns);
+            let is_too_late =
+                is_measured && late.count_named(item.name, arrived - mapped, limit_ns);
             let tag = timing.of_arrival(mapped);
             timing.utc.push(&item.message, &timing.fits);
             for measurement in item.measurements {
@@ -278,6 +258,9 @@ impl SourceState {
                     Protocol::Csv | Protocol::Alog => item.latency_s.unwrap_or(0.0),
                     _ => timing.latency_s(item.device_time, item.latency_s, &measurement),
                 };
+                if is_too_late {
+                    too_late.push(sink.len());
+                }
                 sink.push(Sample {
                     source: id,
                     log_time,
@@ -426,6 +409,7 @@ impl Timing {
     fn new(transport_delay_s: f64, gnss: Option<&GnssMeaning>, attitude_latency_s: f64) -> Self {
         Self {
             fits: Scale::ALL.map(ClockFit::new),
+            fell_ns: 0,
             rate: None,
             transport_delay_s,
             velocity_latency_s: gnss.and_then(|gnss| gnss.velocity_latency_s),
@@ -445,9 +429,12 @@ impl Timing {
 
     /// Arrival of a message as it would have been without delay.
     fn tag(&mut self, device: Option<DeviceTime>, is_measured: bool, log_time: LogTime) -> LogTime {
+        self.fell_ns = 0;
         let mapped = device.and_then(|device| {
-            let scale = Scale::of(device)?;
-            self.fits[scale as usize].push(device, log_time)
+            let fit = &mut self.fits[Scale::of(device)? as usize];
+            let mapped = fit.push(device, log_time);
+            self.fell_ns = fit.fell_ns();
+            mapped
         });
         if let Some(mapped) = mapped {
             return mapped;

@@ -5,7 +5,8 @@
 //! what it gets from then on. When the samples have come, the copy takes all of them in the order in which
 //! they would have arrived, repeats the steps, and replaces the estimator. What the repeated steps
 //! estimate is not handed out again: it was estimated at its time. Estimates with a lag wait for what is
-//! missing, for at most the delay of a sample that is used ([`Patience`]). They and all later steps are as if nothing had been late.
+//! missing, for at most the delay of a sample that is used ([`Patience`]). They and all later steps are as
+//! if nothing had been late.
 //!
 //! Without late samples nothing is repeated, and no estimate changes.
 
@@ -209,9 +210,13 @@ impl Timely {
         self.estimator.mark(text)
     }
 
-    /// As [`Estimator::push`]. A sample that is later than the limit is not used.
-    pub fn push(&mut self, sample: &Sample) {
+    /// As [`Estimator::push`]. A sample that is later than the limit is not used. `is_too_late` says it of
+    /// the samples whose time of validity does not show it: GNSS has latencies that change.
+    pub fn push(&mut self, sample: &Sample, is_too_late: bool) {
         let Some(kind) = kind(&sample.measurement) else {
+            if is_too_late {
+                return;
+            }
             if let Some(point) = &mut self.point {
                 let input = Input::Sample(sample.clone());
                 point.inputs.push((sample.log_time, input));

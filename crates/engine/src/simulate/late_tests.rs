@@ -157,9 +157,13 @@ impl Late {
 fn run(drive: &Drive, delay: Delay, stamps: Stamps) -> Outcome {
     let mut simulated = VirtualDrive::new(drive).expect("a drive");
     let config = simulated.config().expect("a configuration");
-    let start = simulated.start();
     let arrivals = arrivals(&mut simulated, &config, delay, stamps);
-    let mut feed = Feed::new(&config).expect("an engine");
+    estimate(&simulated, &config, arrivals)
+}
+
+fn estimate(simulated: &VirtualDrive, config: &Config, arrivals: Arrivals) -> Outcome {
+    let start = simulated.start();
+    let mut feed = Feed::new(config).expect("an engine");
     let mut found = [BTreeMap::new(), BTreeMap::new()];
     let (mut faults, mut late) = (Vec::new(), [0, 0]);
     let mut sink = |entry| {
@@ -195,7 +199,7 @@ fn run(drive: &Drive, delay: Delay, stamps: Stamps) -> Outcome {
         feed.push(source, start.offset_seconds(time_s), payload, &mut sink)
             .expect("an engine");
     }
-    let errors = found.map(|found| errors(&simulated, start, &found));
+    let errors = found.map(|found| errors(simulated, start, &found));
     Outcome {
         errors,
         faults,
@@ -246,6 +250,36 @@ fn stall(ports: &'static [Port], for_s: f64) -> Delay {
         every_s: 2.0,
         for_s,
     }
+}
+
+/// The estimates are as if the messages of GNSS that are later than 100 ms had been lost.
+#[test]
+fn messages_of_gnss_that_are_later_are_not_used() {
+    let level = drive(None, "thesis-10bit", 11, 14.0);
+    let arrivals_with = |delay| {
+        let mut simulated = VirtualDrive::new(&level).expect("a drive");
+        let config = simulated.config().expect("a configuration");
+        let arrivals = arrivals(&mut simulated, &config, delay, Stamps::Kernel);
+        (simulated, config, arrivals)
+    };
+    let (_, _, prompt) = arrivals_with(Delay::None);
+    let (simulated, config, late) = arrivals_with(stall(&[Port::Novatel], 0.273));
+    // The order within a source stays.
+    let mut due: BTreeMap<SourceId, std::collections::VecDeque<f64>> = BTreeMap::new();
+    for (time_s, source, _) in &prompt {
+        due.entry(*source).or_default().push_back(*time_s);
+    }
+    let is_in_time = |(time_s, source, _): &(f64, SourceId, Payload)| {
+        let due_s = due.get_mut(source).and_then(|due| due.pop_front());
+        time_s - due_s.expect("the same arrivals") <= 0.1
+    };
+    let lost: Arrivals = late.iter().cloned().filter(is_in_time).collect();
+    let late = estimate(&simulated, &config, late);
+    let lost = estimate(&simulated, &config, lost);
+    println!("{:?} {:?}", late.late, late.errors);
+    assert!(late.late[1] > 20, "{:?}", late.late);
+    assert_eq!(late.errors, lost.errors);
+    assert_ne!(late.errors, estimate(&simulated, &config, prompt).errors);
 }
 
 /// Runs a drive with some seeds of the sensors' noise.

@@ -1,7 +1,5 @@
 //! `atvrec replay --live`: a log for the clients of a live recorder, with pause, position and speed.
 
-use std::path::PathBuf;
-
 use anyhow::Context;
 use engine::config::Live;
 use engine::{Config, Entry, Replay, ReplayOptions};
@@ -11,19 +9,15 @@ use store::{Reader, TapDecoder, TapEncoder, TapFrame};
 use tokio::sync::watch;
 
 use super::{block_on, settings};
+use crate::cli::ReplayArgs;
 use crate::exit::Outcome;
 
 /// Time between two time frames, ns.
 const TIME_NS: i64 = 50_000_000;
 
 /// Plays logs until SIGINT or SIGTERM.
-pub fn run(
-    logs: Vec<PathBuf>,
-    config: Config,
-    rate: f64,
-    listen: Option<std::net::SocketAddr>,
-) -> anyhow::Result<Outcome> {
-    let reader = Reader::open(&logs)?;
+pub fn run(args: &ReplayArgs, config: Config, rate: f64) -> anyhow::Result<Outcome> {
+    let reader = Reader::open(&args.logs)?;
     let span = reader.info().span.context("the log contains no data")?;
     if config.estimator.is_none() {
         tracing::warn!("the log has no vehicle: there are no estimates, only decoded data");
@@ -37,7 +31,7 @@ pub fn run(
         wanted: hub.wanted(),
         hub: hub.clone(),
     };
-    let settings = settings(Live::default(), listen, None)?;
+    let settings = settings(Live::default(), args.listen, args.token_file.as_deref())?;
     let source = async move {
         let played = tokio::task::spawn_blocking(move || player.run());
         if let Ok(Err(error)) = played.await {
