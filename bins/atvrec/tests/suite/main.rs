@@ -9,6 +9,8 @@
 mod calibrate;
 mod compat;
 mod configuration;
+#[cfg(feature = "live")]
+mod controllers;
 mod estimate;
 mod export;
 mod folder;
