@@ -60,7 +60,7 @@ fn forces(output: &ControllerOutput) -> impl Iterator<Item = f64> {
 }
 
 #[test]
-fn controllers_get_each_estimate_once_and_are_told_that_none_comes() {
+fn controllers_get_each_estimate_once_and_stale_records_without_one() {
     let directory = tempfile::tempdir().expect("a directory");
     let here = directory.path();
     let vehicle = Virtual::start(here);

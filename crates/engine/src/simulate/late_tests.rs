@@ -269,11 +269,15 @@ fn messages_of_gnss_that_are_later_are_not_used() {
     for (time_s, source, _) in &prompt {
         due.entry(*source).or_default().push_back(*time_s);
     }
-    let is_in_time = |(time_s, source, _): &(f64, SourceId, Payload)| {
+    let mut is_in_time = |(time_s, source, _): &(f64, SourceId, Payload)| {
         let due_s = due.get_mut(source).and_then(|due| due.pop_front());
         time_s - due_s.expect("the same arrivals") <= 0.1
     };
-    let lost: Arrivals = late.iter().cloned().filter(is_in_time).collect();
+    let lost: Arrivals = late
+        .iter()
+        .filter(|arrival| is_in_time(arrival))
+        .cloned()
+        .collect();
     let late = estimate(&simulated, &config, late);
     let lost = estimate(&simulated, &config, lost);
     println!("{:?} {:?}", late.late, late.errors);
