@@ -214,7 +214,8 @@ def test_messages_that_the_log_leaves_out_are_decoded(tmp_path: Path) -> None:
     topic = "/can/can0/WheelSpeed"
     assert topic in written.info()["channels"]
     assert topic not in left_out.info()["channels"]
-    assert left_out.topics == written.topics
+    # Messages of the DBC that the bus never carried are among the topics, too.
+    assert set(left_out.topics) >= set(written.topics)
     topics = ["/steer", topic, "/can/can0/Steering"]
     for span in ((None, None), (0.5, 1.0)):
         expected = written.read_many(topics, *span)
