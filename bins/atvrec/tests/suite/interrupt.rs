@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use sample::{ForceFrame, LogTime, Motion, PerWheel, TyreForce};
 use store::{Options, Reader, Record, Stage, Writer};
 
-use crate::support::simulate;
+use crate::support::{names, simulate};
 
 /// Instants of the estimates and of the truth. The work on them takes much longer than a signal.
 const INSTANTS: u32 = 60_000;
@@ -69,21 +69,6 @@ fn estimate(time: LogTime, stage: Stage) -> [Record; 3] {
     ]
 }
 
-fn files(directory: &Path) -> Vec<String> {
-    let entries = fs::read_dir(directory).expect("a directory");
-    let mut names: Vec<String> = entries
-        .map(|entry| {
-            entry
-                .expect("an entry")
-                .file_name()
-                .to_string_lossy()
-                .into_owned()
-        })
-        .collect();
-    names.sort();
-    names
-}
-
 /// Whether the process has a handler of SIGINT.
 fn listens(pid: u32) -> bool {
     /// SIGINT is number 2, and the lowest bit is that of number 1.
@@ -132,7 +117,7 @@ fn an_interrupted_command_says_so_and_leaves_no_file() {
     let directory = tempfile::tempdir().expect("a directory");
     let here = directory.path();
     log(here);
-    let before = files(here);
+    let before = names(here);
     let commands: [&[&str]; 6] = [
         &[
             "export",
@@ -159,6 +144,6 @@ fn an_interrupted_command_says_so_and_leaves_no_file() {
         let (code, text) = interrupted(here, arguments);
         assert_eq!(code, Some(1), "{arguments:?}: {text}");
         assert!(text.contains("interrupted"), "{arguments:?}: {text}");
-        assert_eq!(files(here), before, "{arguments:?}");
+        assert_eq!(names(here), before, "{arguments:?}");
     }
 }

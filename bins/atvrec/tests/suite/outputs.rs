@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::support::{atvrec, simulate, stderr, stdout};
+use crate::support::{atvrec, names, simulate, stderr, stdout};
 
 fn refused(here: &Path, arguments: &[&str], part: &str) {
     let assert = atvrec(here).args(arguments).assert().code(2);
@@ -15,22 +15,6 @@ fn refused(here: &Path, arguments: &[&str], part: &str) {
 
 fn works(here: &Path, arguments: &[&str]) -> String {
     stdout(&atvrec(here).args(arguments).assert().success())
-}
-
-/// Names of all files below a directory.
-fn names(here: &Path) -> Vec<String> {
-    let entries = fs::read_dir(here).expect("listed");
-    let mut names: Vec<String> = entries
-        .map(|entry| {
-            entry
-                .expect("an entry")
-                .file_name()
-                .to_string_lossy()
-                .into()
-        })
-        .collect();
-    names.sort();
-    names
 }
 
 const TABLE: &str = "t,v\n0,10\n0.01,10\n0.02,10\n";

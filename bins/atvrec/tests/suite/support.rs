@@ -9,6 +9,17 @@ pub fn atvrec(directory: &Path) -> Command {
     command
 }
 
+/// Sorted names in a directory; none if it does not exist.
+pub fn names(directory: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(directory).into_iter().flatten();
+    let mut names: Vec<_> = entries
+        .map(|entry| entry.expect("an entry").file_name())
+        .map(|name| name.to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
 /// A source whose device does not exist: a recording needs a source.
 pub const ABSENT: &str = "[source.imu]\nkind = \"crossbow440\"\ndevice = \"absent\"\n";
 /// Exit code of a recording that received nothing.
