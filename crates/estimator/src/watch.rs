@@ -16,6 +16,7 @@ mod hub;
 mod inertial;
 mod receiver;
 mod steering;
+mod stuck;
 mod wheels;
 
 pub use bias::BiasWatch;
@@ -23,6 +24,7 @@ pub use hub::HubWatch;
 pub use inertial::InertialWatch;
 pub use receiver::ReceiverWatch;
 pub use steering::SteeringWatch;
+pub use stuck::Stuck;
 pub use wheels::{Rolling, WheelWatch};
 
 /// Change of a sensor between good and faulty.

@@ -55,6 +55,12 @@ impl ConsistencyMonitors {
         self.inconsistent += GRID_S / time_s * (contradicts - self.inconsistent);
     }
 
+    /// Whether a receiver counts as faulty: then it is no witness of a jump of the inertial unit's biases.
+    pub(super) fn receiver_faulty(&self) -> bool {
+        let mut all = self.velocity.iter().chain([&self.attitude]);
+        all.any(ReceiverWatch::is_faulty)
+    }
+
     /// Whether the balances of forces and moments confirm the inertial unit.
     pub(super) fn imu_consistent(&self) -> bool {
         self.inconsistent < self.tuning.imu_consistency.inconsistent_max
@@ -82,7 +88,8 @@ impl Estimator {
             let reading = self.readings.wheel_speed_rad_s[wheel]?.fresh(now, t.fresh_s)?;
             let [_, left_m] = self.vehicle.wheel_place_m(wheel);
             Some(Rolling {
-                read_m_s: reading * self.rolling_radius_m(wheel),
+                read_rad_s: reading,
+                radius_m: self.rolling_radius_m(wheel),
                 over_ground_m_s: state.velocity_m_s.x - state.rate_rad_s.z * left_m,
                 force_n: measured[wheel].force_n,
             })

@@ -70,7 +70,9 @@ impl Estimator {
     /// Reports which of the inertial unit's biases has jumped.
     pub(super) fn monitor_biases(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         if let Some(before) = self.motion.take_jump() {
-            self.monitors.bias.suspect(now, before);
+            if !self.monitors.receiver_faulty() {
+                self.monitors.bias.suspect(now, before);
+            }
             self.monitors.inertial.clear_suspicion();
         }
         let sigma = self.motion.bias_sigma_at_start();
@@ -132,11 +134,11 @@ impl Estimator {
             let verdict = self
                 .motion
                 .push_velocity(time, receiver, velocity, gnss.sigma_enu_m_s);
-            let consistent = self.motion.is_imu_consistent();
             let monitors = &mut self.monitors;
+            let trusted = self.motion.is_imu_consistent() && !monitors.bias.is_suspected();
             let tuning = &monitors.tuning.receiver;
             let monitor = &mut monitors.velocity[receiver as usize];
-            monitor.judge(time, verdict, consistent, tuning, &mut report(now, out));
+            monitor.judge(time, verdict, trusted, tuning, &mut report(now, out));
         }
     }
 
@@ -155,9 +157,9 @@ impl Estimator {
         let angles =
             std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
         let verdict = self.motion.push_attitude(time, angles, gnss.sigma_rad);
-        let consistent = self.motion.is_imu_consistent();
         let monitors = &mut self.monitors;
+        let trusted = self.motion.is_imu_consistent() && !monitors.bias.is_suspected();
         let tuning = &monitors.tuning.receiver;
-        (monitors.attitude).judge(time, verdict, consistent, tuning, &mut report(now, out));
+        (monitors.attitude).judge(time, verdict, trusted, tuning, &mut report(now, out));
     }
 }

@@ -121,10 +121,12 @@ impl ForceNoise {
         });
         let known = |wheel: &usize| measured[*wheel];
         let mean = (0..4).filter(known).map(|w| surplus[w]).sum::<f64>() / count;
+        // The slower the vehicle, the more of the innovations is of its own manoeuvres and not of the road.
+        let gain = t.road_gain * self.pace.min(1.0).sqrt();
         let [down, up] = t.road_step;
         let [least, most] = t.road_bounds;
         for wheel in (0..4).filter(known) {
-            let step = t.road_gain * (0.5 * (surplus[wheel] + mean)).clamp(-down, up);
+            let step = gain * (0.5 * (surplus[wheel] + mean)).clamp(-down, up);
             self.road[wheel] = (self.road[wheel] * (1.0 + step)).clamp(least, most);
         }
     }

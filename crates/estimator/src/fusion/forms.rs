@@ -176,6 +176,13 @@ impl CornerForms {
 }
 
 impl Fusion {
+    /// Load that presses a tyre, N. The estimated load of a wheel in the air can alternate about zero from step to
+    /// step. Taken for a tyre that lands in every second step, it would grow.
+    pub(super) fn pressing_n(&self, wheel: usize) -> f64 {
+        let [now, before] = [FORCE, BEFORE].map(|at| self.state[at + 3 * wheel + 2]);
+        (now + before.min(0.0)).max(0.0)
+    }
+
     /// Forms of a corner. The wheel turns freely on its spindle, so the balance of the members is taken
     /// about the wheel's centre: the longitudinal force has no moment there but the spindle's.
     pub(super) fn forms(
@@ -220,7 +227,7 @@ impl Fusion {
         let needed: Form = members[5][0];
         let acceleration = strut.plus(-1.0, &needed).times(1.0 / travel.members[5]);
         let light_n = self.tuning.light_part * self.body.static_load[wheel];
-        let touching = (self.state[FORCE + 3 * wheel + 2] / light_n - 1.0).clamp(0.0, 1.0);
+        let touching = (self.pressing_n(wheel) / light_n - 1.0).clamp(0.0, 1.0);
         CornerForms {
             members,
             per_acceleration: travel.members,

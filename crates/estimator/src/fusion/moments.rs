@@ -64,7 +64,7 @@ impl Fusion {
         let inclination = math::asin(corner.pose.spindle.dot(&normal).clamp(-1.0, 1.0));
         let tyre = &self.body.tyres[wheel];
         let lateral = self.state[FORCE + 3 * wheel + 1];
-        let load = self.state[FORCE + 3 * wheel + 2].max(0.0);
+        let load = self.pressing_n(wheel);
         let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
         let contact = 2.0 * (2.0 * tyre.unloaded_radius_m * pressed).sqrt();
         let sliding = lateral.abs() / (tyre.friction * load).max(1.0);

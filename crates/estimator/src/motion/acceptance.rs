@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use sample::LogTime;
 
 use crate::tuning::ReceiverTuning;
+use crate::watch::Stuck;
 
 /// Last velocity of a receiver.
 #[derive(Clone, Copy, Debug, Default)]
@@ -11,6 +12,8 @@ pub struct ReceiverState {
     pub at: Option<LogTime>,
     pub velocity_m_s: Vector3<f64>,
     pub rejected: bool,
+    /// Of each component of its velocity.
+    pub stuck: [Stuck; 3],
     pub acceptance: AcceptanceCounter,
 }
 

@@ -29,8 +29,10 @@ struct VelocityResidual {
     residual: Vector3<f64>,
     sigma: [f64; 3],
     rows: [SVector<f64, STATES>; 3],
-    /// Whether the receiver sent the same nonzero velocity as before.
+    /// Whether the receiver sent the same nonzero velocity as before, or one component is stuck.
     repeated: bool,
+    /// Whether one component is stuck.
+    stuck: bool,
 }
 
 impl MotionFilter {
@@ -60,7 +62,7 @@ impl MotionFilter {
             return Verdict::Used;
         }
         let measured = self.velocity_residual(valid, own, &pose, velocity_m_s, sigma_m_s);
-        let mut rejected = measured.repeated && self.velocities[own].rejected;
+        let mut rejected = measured.stuck || measured.repeated && self.velocities[own].rejected;
         for axis in 0..3 {
             let variance =
                 self.covariance[(VELOCITY + axis, VELOCITY + axis)] + measured.sigma[axis].powi(2);
@@ -93,7 +95,7 @@ impl MotionFilter {
     ///
     /// A receiver that is stuck repeats its value and contradicts the state more and more while the
     /// body moves on. Its value is rejected until it changes, and is not adopted. A receiver that
-    /// stands may repeat zero.
+    /// stands may repeat zero. One component alone can be stuck, too.
     fn velocity_residual(
         &mut self,
         valid: LogTime,
@@ -128,6 +130,16 @@ impl MotionFilter {
         let repeated =
             receiver.at.is_some() && receiver.velocity_m_s == velocity_m_s && speed > 0.0;
         (receiver.at, receiver.velocity_m_s) = (Some(valid), velocity_m_s);
+        let by_state = pose.velocity_m_s + swing;
+        let stuck_now: [bool; 3] = std::array::from_fn(|axis| {
+            receiver.stuck[axis].take(
+                velocity_m_s[axis],
+                by_state[axis],
+                t.receivers.stuck_values,
+                t.receivers.stuck_change_m_s,
+            )
+        });
+        let stuck = stuck_now.contains(&true) && !repeated;
         let slope = -cross(swing);
         let rows = std::array::from_fn::<_, 3, _>(|axis| {
             let mut h = SVector::<f64, STATES>::zeros();
@@ -141,7 +153,8 @@ impl MotionFilter {
             residual,
             sigma,
             rows,
-            repeated,
+            repeated: repeated || stuck,
+            stuck,
         }
     }
 

@@ -171,7 +171,7 @@ tuning! {
         /// Bounds of the density of the rate of the load that the wheel's travel does not explain.
         load_density_bounds: [f64; 2] = [15.0 * 15.0, 1.8e4 * 1.8e4], "(N/s)²/s";
         /// Initial density of the white noise of the load, from the road.
-        road_start: f64 = 1.0e5, "N²/s";
+        road_start: f64 = 2.0e4, "N²/s";
         /// Speed for which that density holds: the road passes in proportion.
         road_speed_m_s: f64 = 10.0, "m/s";
         /// Least speed with which it passes.

@@ -83,6 +83,10 @@ tuning! {
         /// Consecutive accepted values that confirm a state that was adopted from GNSS: an inertial
         /// unit whose bias has jumped is contradicted again soon.
         confirmed_again: u32 = 100, "1";
+        /// Consecutive identical values of one component of velocity that are taken as stuck.
+        stuck_values: u32 = 10, "1";
+        /// Change of the velocity by the state during these values beyond which they are stuck.
+        stuck_change_m_s: f64 = 0.15, "m/s";
         /// Time for which a receiver counts as active after its last velocity.
         active_s: f64 = 1.0, "s";
     }

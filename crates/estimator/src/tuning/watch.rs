@@ -121,6 +121,10 @@ tuning! {
         difference_part: f64 = 0.3, "1";
         /// Difference from the speed over ground that slip does not explain, constant part.
         difference_m_s: f64 = 0.5, "m/s";
+        /// Consecutive identical readings (100 a second) that are taken as stuck.
+        stuck_readings: u32 = 50, "1";
+        /// Change of the speed over ground during identical readings beyond which they are stuck.
+        stuck_change_m_s: f64 = 0.3, "m/s";
         /// Longitudinal force over load up to which a wheel counts as rolling freely.
         rolling_force: f64 = 0.2, "1";
         /// Time of contradiction after which a fault is reported.

@@ -35,6 +35,11 @@ struct Jump {
 }
 
 impl BiasWatch {
+    /// Whether a jump is suspected.
+    pub fn is_suspected(&self) -> bool {
+        self.jump.is_some()
+    }
+
     /// Notes a sign that one of the biases has jumped; `before` are the biases before it.
     pub fn suspect(&mut self, now: LogTime, before: [f64; 6]) {
         let new = Jump {

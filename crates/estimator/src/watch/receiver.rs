@@ -26,13 +26,19 @@ impl ReceiverWatch {
         }
     }
 
+    /// Whether the receiver was reported.
+    pub fn is_faulty(&self) -> bool {
+        self.reported
+    }
+
     /// Takes the verdict of a value that was valid at `time`. A rejection is a fault of the
-    /// receiver only while the inertial unit is consistent with the balances.
+    /// receiver only while the inertial unit is consistent with the balances and no jump of its biases is
+    /// suspected.
     pub fn judge(
         &mut self,
         time: LogTime,
         verdict: Verdict,
-        imu_consistent: bool,
+        imu_trusted: bool,
         tuning: &ReceiverWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
@@ -44,7 +50,7 @@ impl ReceiverWatch {
             }
             Verdict::Rejected => {
                 let since = *self.since.get_or_insert(time);
-                self.reported || imu_consistent && time.seconds_since(since) >= tuning.faulty_s
+                self.reported || imu_trusted && time.seconds_since(since) >= tuning.faulty_s
             }
         };
         if faulty != self.reported {

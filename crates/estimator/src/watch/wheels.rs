@@ -1,10 +1,11 @@
 //! Monitor of wheel speeds. A wheel without drive or brake force rolls as fast as the ground
 //! passes; a different reading is a fault. A locked or spinning wheel has a longitudinal force and
-//! is not judged.
+//! is not judged. A reading that does not change at all while the speed over ground changes is a fault,
+//! too, however near it is.
 
 use sample::{LogTime, PerWheel, Wheel};
 
-use super::{CONTRADICTS, SensorChange};
+use super::{CONTRADICTS, SensorChange, Stuck};
 use crate::tuning::WheelWatchTuning;
 
 /// Names, as events have them.
@@ -24,13 +25,16 @@ struct One {
     contradicted_since: Option<LogTime>,
     agreed: Option<LogTime>,
     faulty: bool,
+    stuck: Stuck,
 }
 
 /// A wheel's reading with the speed and force of other sensors.
 #[derive(Clone, Copy, Debug)]
 pub struct Rolling {
-    /// Rolling speed by the sensor, m/s.
-    pub read_m_s: f64,
+    /// Angular speed by the sensor, rad/s.
+    pub read_rad_s: f64,
+    /// Rolling radius, m.
+    pub radius_m: f64,
     /// Speed over ground, m/s.
     pub over_ground_m_s: f64,
     /// Its force, contact frame, N.
@@ -42,7 +46,7 @@ impl Rolling {
     /// difference.
     fn contradicts(&self, tuning: &WheelWatchTuning) -> Option<bool> {
         let [forward, _, load] = self.force_n;
-        let apart = (self.read_m_s - self.over_ground_m_s).abs();
+        let apart = (self.read_rad_s * self.radius_m - self.over_ground_m_s).abs();
         let most = tuning.difference_m_s + tuning.difference_part * self.over_ground_m_s.abs();
         (load > 0.0 && forward.abs() < tuning.rolling_force * load).then_some(apart > most)
     }
@@ -62,7 +66,17 @@ impl WheelWatch {
         tuning: &WheelWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
-        let verdicts = rolling.0.map(|rolling| rolling?.contradicts(tuning));
+        let verdicts: [Option<bool>; 4] = std::array::from_fn(|i| {
+            let rolling = rolling.0[i]?;
+            let stuck = self.0[i].stuck.take(
+                rolling.read_rad_s,
+                rolling.over_ground_m_s,
+                tuning.stuck_readings,
+                tuning.stuck_change_m_s,
+            );
+            let contradicts = rolling.contradicts(tuning)?;
+            Some(contradicts || stuck)
+        });
         let count = |verdict| verdicts.iter().filter(|v| **v == Some(verdict)).count();
         if count(true) > count(false) {
             // Most wheels contradict: the speed over ground is wrong.
@@ -106,9 +120,10 @@ mod tests {
         let mut faulty = Vec::new();
         for k in 0..300 {
             let dead = (50..150).contains(&k);
-            let wheel = |read_m_s, forward| {
+            let wheel = |read_rad_s, forward| {
                 Some(Rolling {
-                    read_m_s,
+                    read_rad_s,
+                    radius_m: 1.0,
                     over_ground_m_s: 10.0,
                     force_n: [forward, 0.0, 1000.0],
                 })
@@ -131,9 +146,10 @@ mod tests {
     #[test]
     fn wheels_that_all_contradict_are_right() {
         let mut watch = WheelWatch::default();
-        let wheel = |read_m_s| {
+        let wheel = |read_rad_s| {
             Some(Rolling {
-                read_m_s,
+                read_rad_s,
+                radius_m: 1.0,
                 over_ground_m_s: 3.0,
                 force_n: [0.0, 0.0, 1000.0],
             })
