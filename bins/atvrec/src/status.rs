@@ -195,7 +195,9 @@ impl RecorderStatus {
             .then(|| state.run_start.elapsed().as_secs_f64())
             .into();
         status["directory"] = state.directory.display().to_string().into();
-        status["estimate"] = json!(state.found.estimate);
+        let estimate = state.found.estimate.as_ref();
+        status["estimate"] = json!(estimate);
+        status["next_lift"] = json!(estimate.and_then(|found| found.rollover.next_lift()));
         status["parameters"] = json!(state.found.parameters);
         status["events"] = json!(state.found.events);
         status["output_can"] = state.can.as_ref().map(CanSink::state).into();

@@ -4,8 +4,8 @@
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-use sample::Wheel;
 use sample::text::printable;
+use sample::{NextLift, Rollover, Wheel};
 use serde_json::Value;
 
 /// Age from which an estimate is shown as stale, s.
@@ -68,21 +68,25 @@ pub fn degrees(value: &Value) -> String {
         .map_or_else(|| "–".to_owned(), |value| fixed(value.to_degrees(), 1))
 }
 
-/// Time until a wheel lifts, s, or that it is off the ground.
+/// Whether a wheel carries no load.
+pub fn is_off_ground(estimate: &Value, wheel: Wheel) -> bool {
+    let time = &estimate["rollover"]["time_to_lift_s"][wheel.index()];
+    time.as_f64().is_some_and(|time_s| time_s <= 0.0)
+}
+
+/// Time until a wheel lifts, s, if it is near, or that the wheel is off the ground.
 pub fn lift(estimate: &Value, wheel: Wheel) -> String {
     let time = &estimate["rollover"]["time_to_lift_s"][wheel.index()];
     match time.as_f64() {
-        Some(time_s) if time_s <= 0.0 => "in air".to_owned(),
+        _ if is_off_ground(estimate, wheel) => "in air".to_owned(),
+        Some(time_s) if time_s > Rollover::NEAR_S => "–".to_owned(),
         _ => number(time, 1),
     }
 }
 
-/// Least time until a wheel lifts and which wheel; `None` if none falls.
-pub fn least_lift(estimate: &Value) -> Option<(Wheel, f64)> {
-    let times = &estimate["rollover"]["time_to_lift_s"];
-    let wheels = Wheel::ALL.into_iter();
-    let known = wheels.filter_map(|wheel| Some((wheel, times[wheel.index()].as_f64()?)));
-    known.min_by(|a, b| a.1.total_cmp(&b.1))
+/// The wheel that lifts next, if its lift is near.
+pub fn next_lift(status: &Value) -> Option<NextLift> {
+    serde_json::from_value(status["next_lift"].clone()).ok()
 }
 
 /// Size in bytes as text.
@@ -162,10 +166,7 @@ mod tests {
                     {"force_n": [0.0, 0.0, 1000.4]}, {"force_n": [0.0, 0.0, 1100.0]},
                     {"force_n": [0.0, 0.0, 900.0]}, {"force_n": [null, null, null]},
                 ],
-                "rollover": {
-                    "load_transfer_ratio": 0.05,
-                    "time_to_lift_s": [2.0, null, 0.5, null],
-                },
+                "rollover": {"load_transfer_ratio": 0.05},
             },
         })
     }
@@ -192,15 +193,22 @@ mod tests {
 
     #[test]
     fn a_wheel_off_the_ground_has_no_time() {
-        let estimate = json!({"rollover": {"time_to_lift_s": [0.0, 0.04, null, 2.0]}});
+        let estimate = json!({"rollover": {"time_to_lift_s": [0.0, 0.04, null, 93.5]}});
         let texts = Wheel::ALL.map(|wheel| lift(&estimate, wheel));
-        assert_eq!(texts, ["in air", "0.0", "–", "2.0"]);
+        assert_eq!(
+            texts,
+            ["in air", "0.0", "–", "–"],
+            "a lift far ahead is no news"
+        );
     }
 
     #[test]
-    fn the_first_wheel_to_lift_is_found() {
-        let status = status();
-        let found = least_lift(&status["estimate"]);
-        assert_eq!(found, Some((Wheel::RearLeft, 0.5)));
+    fn the_next_wheel_to_lift_is_read() {
+        let next = NextLift {
+            wheel: Wheel::RearLeft,
+            time_s: 0.5,
+        };
+        assert_eq!(next_lift(&json!({ "next_lift": next })), Some(next));
+        assert_eq!(next_lift(&json!({ "next_lift": null })), None);
     }
 }

@@ -11,8 +11,10 @@ const FULL_FORCE = 1;
 const WARNING_S = 1;
 
 const tyres = [];
-const state = { lifted: [false, false, false, false], warnedUntil: [0, 0, 0, 0] };
+const state = { warnedUntil: [0, 0, 0, 0] };
 let motionRows = null;
+
+const wheelIndex = (name) => ["front_left", "front_right", "rear_left", "rear_right"].indexOf(name);
 
 function makeTyre(name, long) {
   const node = document.createElement("div");
@@ -59,19 +61,13 @@ function drawArrow(tyre, x, y, fullN) {
 export function takeEvents(events, nowS) {
   for (const event of events) {
     const [kind, value] = typeof event.kind === "string" ? [event.kind, null] : Object.entries(event.kind)[0];
-    const wheel = (name) => ["front_left", "front_right", "rear_left", "rear_right"].indexOf(name);
-    if (kind === "lift") state.lifted[wheel(value)] = true;
-    if (kind === "touchdown") state.lifted[wheel(value)] = false;
-    if (kind === "lift_warning") state.warnedUntil[wheel(value[0])] = nowS + value[1] + WARNING_S;
+    if (kind === "lift_warning") state.warnedUntil[wheelIndex(value[0])] = nowS + value[1] + WARNING_S;
   }
 }
 
 export function forget() {
-  state.lifted.fill(false);
   state.warnedUntil.fill(0);
 }
-
-export const lifted = () => NAMES.filter((_, n) => state.lifted[n]);
 
 export function show(values, nowS) {
   if (tyres.length === 0) WHEELS.forEach((name, n) => tyres.push(makeTyre(name, NAMES[n])));
@@ -93,19 +89,19 @@ export function show(values, nowS) {
     tyre.wheel.setAttribute("transform", `rotate(${(-steer * 180 / Math.PI).toFixed(1)})`);
     drawArrow(tyre, x, y, FULL_FORCE * fixed);
     const warned = state.warnedUntil[n] > nowS;
-    tyre.node.dataset.lifted = state.lifted[n] ? "yes" : "no";
+    // By the value and not by the event, which a page that was opened later has not received.
+    const lifted = values.rollover?.time_to_lift_s[n] === 0;
+    tyre.node.dataset.lifted = lifted ? "yes" : "no";
     tyre.node.dataset.warned = warned ? "yes" : "no";
-    setText(tyre.flag, state.lifted[n] ? "▲ in the air" : warned ? "! will lift" : "");
+    setText(tyre.flag, lifted ? "▲ in the air" : warned ? "! will lift" : "");
   });
   showMotion(values);
   showTransfer(values.rollover);
 }
 
 function showMotion(values) {
-  const { motion, rollover, parameters } = values;
-  const times = (rollover?.time_to_lift_s ?? []).map((time, n) => [time, n]).filter(([time]) => time !== null);
-  times.sort((a, b) => a[0] - b[0]);
-  const lift = times.length ? `${WHEELS[times[0][1]]} in ${number(times[0][0], 1)} s` : rollover ? "no wheel" : "–";
+  const { motion, rollover, parameters, next_lift: next } = values;
+  const lift = next ? `${WHEELS[wheelIndex(next.wheel)]} in ${number(next.time_s, 1)} s` : rollover ? "none near" : "–";
   const grip = (axle) => parameters
     ? `${number(100 * axle.utilisation)} ± ${number(100 * axle.utilisation_sigma)} %` : "–";
   const least = (axle) => parameters && axle.friction_min !== null

@@ -203,6 +203,7 @@ impl Page {
             "carrier": parts.carrier,
             "contact": parts.contact,
             "rollover": parts.rollover,
+            "next_lift": parts.rollover.and_then(|rollover| rollover.next_lift()),
             "parameters": parts.parameters,
             "place": parts.place,
             "events": std::mem::take(&mut parts.events),

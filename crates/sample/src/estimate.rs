@@ -173,6 +173,31 @@ pub struct Rollover {
     pub time_to_two_wheel_lift_s: [f64; 2],
 }
 
+impl Rollover {
+    /// Time from which a lift is not announced, s. The time to a lift supposes that the load keeps
+    /// falling at its present rate, which says nothing of a time so far ahead.
+    pub const NEAR_S: f64 = 10.0;
+
+    /// The wheel on the ground that lifts next, if it does so within [`Self::NEAR_S`].
+    #[must_use]
+    pub fn next_lift(&self) -> Option<NextLift> {
+        let wheels = Wheel::ALL.into_iter();
+        let times = wheels.map(|wheel| (wheel, self.time_to_lift_s[wheel]));
+        let near = times.filter(|(_, time_s)| *time_s > 0.0 && *time_s <= Self::NEAR_S);
+        let next = near.min_by(|a, b| a.1.total_cmp(&b.1));
+        next.map(|(wheel, time_s)| NextLift { wheel, time_s })
+    }
+}
+
+/// A wheel that is about to lift.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NextLift {
+    /// The wheel.
+    pub wheel: Wheel,
+    /// Time until its load is gone, s.
+    pub time_s: f64,
+}
+
 impl Default for Rollover {
     fn default() -> Self {
         Self {
@@ -377,4 +402,27 @@ pub struct MessageCount {
     pub name: String,
     /// How many came.
     pub count: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_next_lift_is_the_nearest_of_the_wheels_on_the_ground() {
+        let next = |times| {
+            let rollover = Rollover {
+                time_to_lift_s: PerWheel(times),
+                ..Rollover::default()
+            };
+            rollover.next_lift().map(|next| (next.wheel, next.time_s))
+        };
+        let far = Rollover::NEAR_S + 0.1;
+        assert_eq!(next([0.0, far, 4.0, 2.5]), Some((Wheel::RearRight, 2.5)));
+        assert_eq!(
+            next([10.0, f64::NAN, far, f64::INFINITY]),
+            Some((Wheel::FrontLeft, 10.0))
+        );
+        assert_eq!(next([0.0, f64::NAN, far, f64::INFINITY]), None);
+    }
 }

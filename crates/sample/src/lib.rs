@@ -30,7 +30,7 @@ pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, Sourc
 pub use axes::WheelAxes;
 pub use estimate::{
     AxleGrip, Estimate, Event, EventKind, ForceFrame, ForceSource, Health, MessageCount, Motion,
-    Parameters, Rollover, Severity, SourceHealth, TyreForce,
+    NextLift, Parameters, Rollover, Severity, SourceHealth, TyreForce,
 };
 pub use innovation::{InnovationKind, Innovations};
 pub use measurement::{

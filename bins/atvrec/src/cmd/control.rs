@@ -222,8 +222,11 @@ fn print_estimate(response: &Value) {
         values::number(&estimate["rollover"]["load_transfer_ratio"], 3),
         values::number(&estimate["rollover"]["load_transfer_ratio_sigma"], 3),
     );
-    if let Some((wheel, time_s)) = values::least_lift(estimate) {
-        println!("  {wheel} lifts in {time_s:.2} s if its load keeps falling");
+    if let Some(next) = values::next_lift(response) {
+        println!(
+            "  {} lifts in {:.2} s if its load keeps falling",
+            next.wheel, next.time_s
+        );
     }
     for wheel in Wheel::ALL {
         let force = &estimate["carrier"][wheel.index()];
@@ -235,10 +238,14 @@ fn print_estimate(response: &Value) {
             )
         };
         println!(
-            "  {wheel}  F_x {} N   F_y {} N   F_z {} N",
+            "  {wheel}  F_x {} N   F_y {} N   F_z {} N{}",
             axis(0),
             axis(1),
-            axis(2)
+            axis(2),
+            match values::is_off_ground(estimate, wheel) {
+                true => "   off the ground",
+                false => "",
+            }
         );
     }
 }

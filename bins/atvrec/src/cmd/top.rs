@@ -27,6 +27,8 @@ const PERIOD: Duration = Duration::from_millis(200);
 const BAR_LOAD: f64 = 2.0;
 /// Size with `--once`.
 const ONCE: (u16, u16) = (80, 24);
+/// Most lines of the table of sources.
+const SOURCES_MAX: u16 = 8;
 /// Time for which an event is shown as new, s.
 const NEW_EVENT_S: f64 = 5.0;
 
@@ -89,7 +91,7 @@ fn draw(frame: &mut Frame<'_>, status: &Value) {
         Constraint::Length(2),
         Constraint::Length(6),
         Constraint::Length(3),
-        Constraint::Length(sources.min(8) + 2),
+        Constraint::Length(sources.min(SOURCES_MAX) + 2),
         Constraint::Min(3),
     ])
     .areas(frame.area());
@@ -210,22 +212,36 @@ fn motion_lines(status: &Value) -> Vec<Line<'static>> {
 }
 
 fn draw_sources(frame: &mut Frame<'_>, area: Rect, status: &Value) {
-    let rows = sources(status).map(|source| {
-        let age = source["age_s"].as_f64();
-        Row::new([
-            text(&source["name"]).into_owned(),
-            match source["open"] == true {
-                true => "open".to_owned(),
-                false => "closed".to_owned(),
-            },
-            format!("{}/s", values::number(&source["rate_hz"], 0)),
-            age.map_or_else(|| "–".to_owned(), values::duration),
-            text(&source["state"]).into_owned(),
-        ])
-    });
+    let rows: Vec<Row<'_>> = sources(status).map(source_row).collect();
     let widths = [14, 7, 9, 9, 39].map(Constraint::Length);
     let block = Block::bordered().title("source        state   rate      age");
-    frame.render_widget(Table::new(rows, widths).block(block), area);
+    let inside = block.inner(area);
+    frame.render_widget(block, area);
+    let fitting = usize::from(inside.height);
+    let hidden = match rows.len() > fitting {
+        true => rows.len() - fitting.saturating_sub(1),
+        false => 0,
+    };
+    let shown = rows.len() - hidden;
+    frame.render_widget(Table::new(rows.into_iter().take(shown), widths), inside);
+    if let (1.., Some(last)) = (hidden, inside.rows().last()) {
+        let text = format!("… and {hidden} more, see atvrec status");
+        frame.render_widget(Paragraph::new(text), last);
+    }
+}
+
+fn source_row(source: &Value) -> Row<'static> {
+    let age = source["age_s"].as_f64();
+    Row::new([
+        text(&source["name"]).into_owned(),
+        match source["open"] == true {
+            true => "open".to_owned(),
+            false => "closed".to_owned(),
+        },
+        format!("{}/s", values::number(&source["rate_hz"], 0)),
+        age.map_or_else(|| "–".to_owned(), values::duration),
+        text(&source["state"]).into_owned(),
+    ])
 }
 
 fn event_lines(status: &Value) -> Vec<Line<'static>> {
@@ -322,6 +338,24 @@ mod tests {
             screen.lines().all(|line| line.chars().count() <= 80),
             "{screen}"
         );
+    }
+
+    #[test]
+    fn sources_without_a_line_are_counted() {
+        let mut status = status();
+        let names = (1..=12).map(|n| json!({"name": format!("can{n}"), "open": true}));
+        status["sources"] = names.collect();
+        let screen = screen(&status, ONCE).expect("drawn");
+        for word in [
+            "can1 ",
+            "can7",
+            "… and 5 more, see atvrec status",
+            "FR lifts",
+        ] {
+            assert!(screen.contains(word), "{word} is missing:\n{screen}");
+        }
+        assert!(!screen.contains("can8"), "{screen}");
+        assert_eq!(screen.lines().count(), 24);
     }
 
     #[test]
