@@ -7,7 +7,7 @@ import { chromium } from "playwright-core";
 import { ATVREC, TOKEN, Vehicle, pause } from "./vehicle.mjs";
 
 const docs = process.argv[2];
-const vehicle = await Vehicle.start("mixed-driving");
+const vehicle = await Vehicle.start();
 const browser = await chromium.launch({ executablePath: process.env.CHROMIUM, args: ["--no-sandbox"] });
 try {
   for (const [name, width, height, colorScheme] of [["live", 1400, 1330, "dark"], ["live-phone", 400, 900, "light"]]) {

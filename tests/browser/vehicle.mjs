@@ -2,7 +2,7 @@
 
 import { spawn, spawnSync } from "node:child_process";
 import { once } from "node:events";
-import { existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -29,7 +29,9 @@ async function freePort() {
 }
 
 export class Vehicle {
-  static async start(manoeuvre = "slow-sine") {
+  // `live` is a table for the configuration of the live server. Mixed driving ends as it begins, so that
+  // the vehicle can drive it again and again.
+  static async start({ manoeuvre = "mixed-driving", live = "" } = {}) {
     const vehicle = new Vehicle();
     vehicle.directory = mkdtempSync(join(tmpdir(), "atvrec-browser-"));
     vehicle.processes = [];
@@ -39,11 +41,13 @@ export class Vehicle {
     writeFileSync(vehicle.token, `${TOKEN}\n`);
     vehicle.run("virtual", "--manoeuvre", manoeuvre, "--repeat", "--directory", vehicle.ports);
     await until(() => existsSync(vehicle.config), "the virtual vehicle made no ports");
+    vehicle.liveConfig = join(vehicle.ports, "live.toml");
+    writeFileSync(vehicle.liveConfig, `${readFileSync(vehicle.config)}\n${live}`);
     const recorder = vehicle.run("record", "--config", vehicle.config);
     await until(() => recorder.text.includes("opened the control socket"), "the recorder did not start");
     await pause(1000);
     vehicle.port = await freePort();
-    vehicle.address = `http://127.0.0.1:${vehicle.port}`;
+    vehicle.address = `${live.includes("certificate") ? "https" : "http"}://127.0.0.1:${vehicle.port}`;
     vehicle.live = vehicle.startLive();
     await until(() => vehicle.live.text.includes("live page"), "the server did not start");
     await pause(500);
@@ -51,7 +55,7 @@ export class Vehicle {
   }
 
   startLive() {
-    return this.run("live", "--config", this.config, "--listen", `127.0.0.1:${this.port}`,
+    return this.run("live", "--config", this.liveConfig, "--listen", `127.0.0.1:${this.port}`,
       "--token-file", this.token);
   }
 

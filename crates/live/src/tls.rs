@@ -9,14 +9,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-use rustls_pki_types::pem::PemObject;
+use rustls_pki_types::pem::{self, PemObject};
 use rustls_pki_types::{CertificateDer, PrivateKeyDer};
-use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt, ReadBuf};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, Sleep, sleep, timeout};
 use tokio_rustls::TlsAcceptor;
-use tokio_rustls::rustls::ServerConfig;
+use tokio_rustls::rustls::{self, ServerConfig};
 use tokio_rustls::server::TlsStream;
 
 use crate::server::Error;
@@ -28,6 +28,17 @@ const HANDSHAKE: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(30);
 /// Answer to a connection above the limit.
 const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\ncontent-type: text/plain\r\nconnection: close\r\n\r\nthe server has as many connections as it may have; close another page or raise live.clients_max\n";
+/// Answer to a client without TLS of a server with TLS.
+const NO_TLS: &[u8] = b"HTTP/1.1 400 Bad Request\r\ncontent-type: text/plain\r\nconnection: close\r\n\r\nthis server uses TLS: begin the address with https:// or wss://\n";
+/// Contents of the two files.
+const CERTIFICATE: &str = "certificate";
+const KEY: &str = "private key without password";
+/// First byte of a TLS handshake.
+const TLS_HANDSHAKE: u8 = 0x16;
+/// Time in which a client that is refused can read the answer.
+const REFUSAL: Duration = Duration::from_secs(1);
+/// Most bytes that are read of a client that is refused.
+const REFUSED_MAX: u64 = 64 << 10;
 
 /// TLS with a certificate chain and its key.
 ///
@@ -40,15 +51,39 @@ pub(crate) fn acceptor(certificate: &PathBuf, key: &PathBuf) -> Result<TlsAccept
     };
     let chain: Vec<CertificateDer<'static>> = CertificateDer::pem_file_iter(certificate)
         .and_then(Iterator::collect)
-        .map_err(|cause| error(certificate, cause.to_string()))?;
+        .map_err(|cause| error(certificate, pem_text(&cause, CERTIFICATE)))?;
+    if chain.is_empty() {
+        return Err(error(
+            certificate,
+            pem_text(&pem::Error::NoItemsFound, CERTIFICATE),
+        ));
+    }
     let private =
-        PrivateKeyDer::from_pem_file(key).map_err(|cause| error(key, cause.to_string()))?;
+        PrivateKeyDer::from_pem_file(key).map_err(|cause| error(key, pem_text(&cause, KEY)))?;
     let mut config = ServerConfig::builder()
         .with_no_client_auth()
         .with_single_cert(chain, private)
-        .map_err(|cause| error(certificate, cause.to_string()))?;
+        .map_err(|cause| match cause {
+            rustls::Error::InconsistentKeys(_) => error(
+                key,
+                format!(
+                    "the key is not that of the certificate {}",
+                    certificate.display()
+                ),
+            ),
+            other => error(certificate, other.to_string()),
+        })?;
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
     Ok(TlsAcceptor::from(Arc::new(config)))
+}
+
+/// `what` the file should contain.
+fn pem_text(cause: &pem::Error, what: &str) -> String {
+    match cause {
+        pem::Error::Io(cause) => cause.to_string(),
+        pem::Error::NoItemsFound => format!("the file contains no {what}"),
+        other => format!("the file is damaged: {other}"),
+    }
 }
 
 /// Accepts connections up to a limit.
@@ -79,7 +114,7 @@ async fn accept(
 ) {
     let open = Arc::new(AtomicUsize::new(0));
     loop {
-        let (mut stream, peer) = match tcp.accept().await {
+        let (stream, peer) = match tcp.accept().await {
             Ok(accepted) => accepted,
             Err(error) => {
                 tracing::warn!(%error, "cannot accept a connection; the next attempt is in 1 s");
@@ -91,18 +126,13 @@ async fn accept(
         let (tls, sender) = (tls.clone(), sender.clone());
         tokio::spawn(async move {
             let Some(place) = place else {
-                // The client may have left.
-                let _ = timeout(HANDSHAKE, stream.write_all(BUSY)).await;
+                refuse(stream, BUSY).await;
                 return;
             };
             // Without it, small messages wait for acknowledgements.
             let _ = stream.set_nodelay(true);
-            let stream = match tls {
-                None => Stream::Plain(stream),
-                Some(tls) => match timeout(HANDSHAKE, tls.accept(stream)).await {
-                    Ok(Ok(stream)) => Stream::Tls(Box::new(stream)),
-                    _ => return,
-                },
+            let Some(stream) = begin(stream, tls).await else {
+                return;
             };
             let connection = Connection {
                 stream,
@@ -113,6 +143,37 @@ async fn accept(
             let _ = sender.send((connection, peer)).await;
         });
     }
+}
+
+/// The connection after the TLS handshake, if the server has TLS; `None` if the handshake
+/// fails.
+async fn begin(stream: TcpStream, tls: Option<TlsAcceptor>) -> Option<Stream> {
+    let Some(tls) = tls else {
+        return Some(Stream::Plain(stream));
+    };
+    let mut first = [0];
+    let count = timeout(HANDSHAKE, stream.peek(&mut first))
+        .await
+        .ok()?
+        .ok()?;
+    if count > 0 && first[0] != TLS_HANDSHAKE {
+        refuse(stream, NO_TLS).await;
+        return None;
+    }
+    let stream = timeout(HANDSHAKE, tls.accept(stream)).await.ok()?.ok()?;
+    Some(Stream::Tls(Box::new(stream)))
+}
+
+/// Writes an answer and closes the connection. What the client has sent is read first, because the
+/// answer is lost if a connection is closed with unread data.
+async fn refuse(mut stream: TcpStream, answer: &[u8]) {
+    // The client may have left.
+    let _ = timeout(REFUSAL, async {
+        stream.write_all(answer).await?;
+        stream.shutdown().await?;
+        tokio::io::copy(&mut stream.take(REFUSED_MAX), &mut tokio::io::sink()).await
+    })
+    .await;
 }
 
 impl axum::serve::Listener for Listener {
