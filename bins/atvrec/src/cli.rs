@@ -97,15 +97,19 @@ pub enum Command {
     Identify(IdentifyCommand),
     /// Add a mark to the running recording.
     Mark(MarkArgs),
-    /// Show the state of the running recorder.
+    /// Show the state of the running recorder: disk, sources, forces, outputs, last events.
+    ///
+    /// The exit code is 1 if the disk fails, or if there is no recorder.
     Status(StatusArgs),
     /// Show the running recorder in a browser, in Foxglove and in Lichtblick.
     ///
-    /// The process listens on the network; the recorder does not. It also sends the datagrams of
-    /// output.udp.
+    /// It prints the address of the page. The process listens on the network; the recorder does not. By
+    /// default, it listens on 127.0.0.1:8765, where this computer alone reaches it. The table [live] of
+    /// the configuration sets address, token and certificate. The process also sends the datagrams of
+    /// output.udp. Ctrl-C ends it, and the recorder records on.
     #[cfg(feature = "live")]
     Live(LiveArgs),
-    /// Show the running recorder in the terminal.
+    /// Show the running recorder in the terminal, until the key q is pressed.
     #[cfg(feature = "live")]
     Top(TopArgs),
     /// Start writing logs in the running recorder.
@@ -192,9 +196,9 @@ pub struct ReplayArgs {
     #[cfg(feature = "live")]
     #[arg(long, conflicts_with_all = ["output", "verify", "smooth", "json"])]
     pub live: bool,
-    /// Address and port of the server with --live.
+    /// Address and port of the server with --live [default: 127.0.0.1:8765].
     #[cfg(feature = "live")]
-    #[arg(long, value_name = "ADDRESS:PORT", requires = "live")]
+    #[arg(long, value_name = "ADDRESS:PORT", requires = "live", value_parser = number::listen_address)]
     pub listen: Option<std::net::SocketAddr>,
     /// File with the token of the server with --live; needed on another address than loopback.
     #[cfg(feature = "live")]
@@ -468,7 +472,9 @@ pub struct VirtualArgs {
     /// Send the CAN frames to this SocketCAN interface instead of SLCAN on a pseudo-terminal.
     #[arg(long, value_name = "INTERFACE")]
     pub can: Option<String>,
-    /// Repeat the manoeuvre until the program is stopped.
+    /// Repeat the manoeuvre until the program is stopped. The vehicle and the clocks of its sensors begin
+    /// anew each time, which the estimator takes for faults; `--for` drives some manoeuvres without such
+    /// a jump.
     #[arg(long)]
     pub repeat: bool,
     /// Whether outputs may replace files.
@@ -730,7 +736,7 @@ pub struct LiveArgs {
     pub socket: SocketArgs,
     /// Listen on this address and port instead of live.address of the configuration. Other addresses
     /// than those of loopback need a token.
-    #[arg(long, value_name = "ADDRESS:PORT")]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = number::listen_address)]
     pub listen: Option<std::net::SocketAddr>,
     /// File with the token, instead of live.token_file of the configuration.
     #[arg(long, value_name = "FILE")]

@@ -288,7 +288,10 @@ impl Sender {
     fn failed(&mut self, error: &std::io::Error) {
         self.open = None;
         self.counters.is_open.store(false, Ordering::Relaxed);
-        let text = error.to_string();
+        let text = format!(
+            "{}: {error}; check that it exists and is up",
+            self.port.name()
+        );
         let mut problem = lock(&self.counters.problem);
         if *problem != text {
             tracing::warn!(

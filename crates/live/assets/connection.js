@@ -13,6 +13,7 @@ export class Connection {
     this.onChange = onChange;
     this.heard = -Infinity;
     this.values = null;
+    this.playback = null;
     this.opened = () => {};
     this.open();
     setInterval(() => this.onChange(this.state()), 100);
@@ -28,6 +29,7 @@ export class Connection {
       const message = JSON.parse(event.data);
       this.heard = performance.now();
       if ("time_ns" in message) this.values = message;
+      if ("playback" in message) this.playback = message.playback;
       this.onMessage(message);
     };
     socket.onclose = () => {
@@ -46,6 +48,9 @@ export class Connection {
       // A connection that hangs is given up.
       if (silent > 5000 && this.socket.readyState === WebSocket.OPEN) this.socket.close();
       return { stale: true, text: "No connection to the server. Connecting again." };
+    }
+    if (this.playback && !this.playback.playing) {
+      return { stale: false, text: this.playback.ended ? "End of the log" : "Paused" };
     }
     const values = this.values;
     if (!values || !values.connected) {

@@ -1,7 +1,7 @@
 // The page: passes messages of the server to its parts.
 
 import { Connection } from "./connection.js";
-import { duration, element, setText } from "./format.js";
+import { element, setText } from "./format.js";
 import * as map from "./map.js";
 import * as plots from "./plots.js";
 import * as recorder from "./recorder.js";
@@ -11,6 +11,7 @@ import * as warnings from "./warnings.js";
 const EVENTS_MAX = 30;
 const DRAW_MS = 200;
 let lastNs = 0;
+const listed = new Set();
 
 function startScheme() {
   const root = document.documentElement;
@@ -28,11 +29,16 @@ function startScheme() {
   });
 }
 
-function listEvents(events, nowNs) {
+// Lists events that are not listed yet; the newest is the first.
+function listEvents(events) {
   for (const event of events) {
+    const key = `${event.time} ${event.text}`;
+    if (listed.has(key)) continue;
+    listed.add(key);
     const item = document.createElement("li");
-    item.textContent = event.text;
-    item.title = `${duration((nowNs - event.time) / 1e9)} before it was shown`;
+    const time = document.createElement("time");
+    time.textContent = new Date(event.time / 1e6).toLocaleTimeString("en-GB");
+    item.append(time, ` ${event.text}`);
     element("events").prepend(item);
   }
   while (element("events").children.length > EVENTS_MAX) element("events").lastChild.remove();
@@ -40,17 +46,23 @@ function listEvents(events, nowNs) {
 
 function take(message) {
   if ("topics" in message) plots.list(message.topics);
-  else if ("may_write" in message) recorder.show(message);
+  else if ("may_write" in message) {
+    recorder.show(message);
+    // Events from before the page was opened.
+    listEvents(message.status?.events ?? []);
+  }
   else if ("time_ns" in message) {
     // A replay that begins again: what was shown belongs to another time.
     if (message.time_ns < lastNs) {
       [map, plots, vehicle].forEach((part) => part.forget());
+      listed.clear();
+      element("events").replaceChildren();
     }
     lastNs = message.time_ns;
     const nowS = message.now_ns / 1e9;
     vehicle.takeEvents(message.events, nowS);
     warnings.takeEvents(message.events);
-    listEvents(message.events, message.now_ns);
+    listEvents(message.events);
     vehicle.show(message, nowS);
     map.take(message.place);
     plots.take(message.plots);

@@ -6,6 +6,8 @@ import { element } from "./format.js";
 const SPAN_S = 60;
 const HEIGHT = 180;
 const PLOTS_MAX = 8;
+// Width of a plot with half of the ticks, px.
+const NARROW = 480;
 // Colours are not the only difference: each plot has one curve and its name.
 const FIRST = [["/estimate/tyre_forces", "fl.z_n"], ["/estimate/motion", "velocity_x_m_s"]];
 
@@ -54,6 +56,12 @@ function listFields() {
   if (fields.includes(chosen)) select.value = chosen;
 }
 
+// Ticks at whole tens of seconds before now.
+function splits(chart, _, __, high) {
+  const step = chart.width < NARROW ? 20 : 10;
+  return Array.from({ length: SPAN_S / step + 1 }, (___, n) => high - SPAN_S + n * step);
+}
+
 function options(width) {
   const style = getComputedStyle(document.documentElement);
   const colour = (name) => style.getPropertyValue(name).trim();
@@ -61,7 +69,7 @@ function options(width) {
   return {
     width, height: HEIGHT, legend: { show: false }, cursor: { show: false },
     scales: { x: { time: false, range: (_, low, high) => [high - SPAN_S, high] } },
-    axes: [{ ...axis, values: (chart, ticks) => ticks.map((t) => `${Math.round(t - chart.scales.x.max)} s`) },
+    axes: [{ ...axis, splits, values: (chart, ticks) => ticks.map((t) => `${Math.round(t - chart.scales.x.max)} s`) },
       { ...axis, size: 70 }],
     series: [{}, { stroke: colour("--load"), width: 2 }],
   };

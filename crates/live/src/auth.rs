@@ -65,7 +65,8 @@ impl Refusal {
                  live.token_file of the configuration\n"
             }
             Self::WrongToken => {
-                "the token is wrong; see the file live.token_file of the configuration\n"
+                "the token is wrong; it is in the file live.token_file of the configuration, or of \
+                 --token-file, and `atvrec live` in a terminal prints it\n"
             }
         }
     }

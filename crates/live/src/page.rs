@@ -31,6 +31,8 @@ const SHOWN: [&str; 7] = [
     "/estimate/events",
     "/tf",
 ];
+/// Time for which parameters are shown; they come once a second, s.
+const PARAMETERS_S: f64 = 2.0;
 /// Most plotted signals of a page, and most values of a signal in one message.
 const PLOTS_MAX: usize = 16;
 const VALUES_MAX: usize = 100;
@@ -204,7 +206,7 @@ impl Page {
             "contact": parts.contact,
             "rollover": parts.rollover,
             "next_lift": parts.rollover.and_then(|rollover| rollover.next_lift()),
-            "parameters": parts.parameters,
+            "parameters": parts.parameters(),
             "place": parts.place,
             "events": std::mem::take(&mut parts.events),
             "plots": plots,
@@ -275,6 +277,12 @@ fn fields(info: &ChannelInfo) -> Vec<String> {
 }
 
 impl Parts {
+    /// The parameters, if they belong to the estimate: a replay can have jumped since.
+    fn parameters(&self) -> Option<&Parameters> {
+        let is_near = |of: &&Parameters| of.time.seconds_since(self.time).abs() < PARAMETERS_S;
+        self.parameters.as_ref().filter(is_near)
+    }
+
     fn take(&mut self, record: Record) {
         match record {
             Record::Motion {
@@ -311,6 +319,33 @@ impl Parts {
                 }
             }
             _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_of_another_position_are_not_shown() {
+        let at = LogTime(100_000_000_000);
+        let mut parts = Parts::default();
+        let motion = |time| Record::Motion {
+            time,
+            stage: Stage::Estimate,
+            motion: Motion::default(),
+        };
+        parts.take(motion(at));
+        parts.take(Record::Parameters(Box::new(Parameters {
+            time: at,
+            ..Parameters::default()
+        })));
+        parts.take(motion(at.offset_seconds(1.0)));
+        assert!(parts.parameters().is_some());
+        for jump_s in [30.0, -30.0] {
+            parts.take(motion(at.offset_seconds(jump_s)));
+            assert!(parts.parameters().is_none(), "{jump_s} s");
         }
     }
 }

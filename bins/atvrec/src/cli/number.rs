@@ -33,6 +33,14 @@ pub fn gate(text: &str) -> Result<report::Gate, String> {
     }
 }
 
+/// Address and port of a server.
+#[cfg(feature = "live")]
+pub fn listen_address(text: &str) -> Result<std::net::SocketAddr, String> {
+    let error =
+        |_| "use an IP address and a port, such as 127.0.0.1:8765 or 0.0.0.0:8765".to_owned();
+    text.parse().map_err(error)
+}
+
 /// Time for which a command listens to a device, s.
 pub fn listen_s(text: &str) -> Result<f64, String> {
     within(text, 0.01..=3600.0, "s")

@@ -254,13 +254,17 @@ fn print_outputs(response: &Value) {
     let can = &response["output_can"];
     if can.is_object() {
         println!(
-            "output.can: {} sets of frames sent, {} of them stale, {} frames lost, latency {} ms \
-             (99 %: {} ms){}",
+            "output.can: {} sets of frames sent, {} of them stale, {} frames lost{}{}",
             can["sets"],
             can["stale_sets"],
             can["lost_frames"],
-            values::number(&can["latency_median_ms"], 1),
-            values::number(&can["latency_99_ms"], 1),
+            match can["latency_median_ms"].as_f64() {
+                Some(median_ms) => format!(
+                    ", latency {median_ms:.1} ms (99 %: {} ms)",
+                    values::number(&can["latency_99_ms"], 1)
+                ),
+                None => String::new(),
+            },
             match &*text(&can["problem"]) {
                 "" => String::new(),
                 problem => format!("; it does not send at present: {problem}"),
@@ -270,7 +274,7 @@ fn print_outputs(response: &Value) {
     let tap = &response["tap"];
     if tap["clients"].as_u64().is_some_and(|count| count > 0) || tap["lost"] != 0 {
         println!(
-            "live: {} clients of the tap, {} records left out for slow ones",
+            "live: {} connected, {} records left out for slow clients",
             tap["clients"], tap["lost"]
         );
     }

@@ -213,8 +213,8 @@ fn motion_lines(status: &Value) -> Vec<Line<'static>> {
 
 fn draw_sources(frame: &mut Frame<'_>, area: Rect, status: &Value) {
     let rows: Vec<Row<'_>> = sources(status).map(source_row).collect();
-    let widths = [14, 7, 9, 9, 39].map(Constraint::Length);
-    let block = Block::bordered().title("source        state   rate      age");
+    let widths = [14, 7, 9, 9, 35].map(Constraint::Length);
+    let block = Block::bordered().title("source         state   rate      age       port");
     let inside = block.inner(area);
     frame.render_widget(block, area);
     let fitting = usize::from(inside.height);

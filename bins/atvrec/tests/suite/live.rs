@@ -51,6 +51,8 @@ fn the_live_process_says_why_it_cannot_listen() {
         !error.contains("short"),
         "the token is in no message: {error}"
     );
+    let error = live_fails(here, &["--listen", "localhost:8765"]);
+    assert!(error.contains("use an IP address and a port"), "{error}");
     let error = live_fails(here, &["--token-file", "absent"]);
     assert!(
         error.contains("cannot read the token file absent"),
@@ -69,7 +71,11 @@ fn an_output_that_is_down_is_reported_and_the_recorder_records() {
         serde_json::from_slice(&assert.get_output().stdout).expect("JSON");
     assert_eq!(status["writing"], "recording");
     assert_eq!(status["output_can"]["open"], false);
-    assert_ne!(status["output_can"]["problem"], "");
+    let problem = status["output_can"]["problem"].as_str().expect("a text");
+    assert!(problem.starts_with("absent0: No such device"), "{problem}");
+    let assert = recorder.ask(&["status"]).assert().success();
+    let text = String::from_utf8_lossy(&assert.get_output().stdout).into_owned();
+    assert!(text.contains("does not send at present: absent0"), "{text}");
     let long = "x".repeat(100_000);
     let error = stderr(&recorder.ask(&["mark", &long]).assert().failure());
     assert!(
