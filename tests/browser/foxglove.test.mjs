@@ -2,8 +2,6 @@
 
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { readdirSync } from "node:fs";
-import { join } from "node:path";
 import { after, before, test } from "node:test";
 import foxglove from "@foxglove/ws-protocol";
 import protobuf from "protobufjs";
@@ -196,25 +194,23 @@ test(`a live process that is stopped for ${STALL_S} s costs the recorder nothing
 
 test("late data is no fault", async () => {
   const driver = vehicle.processes[0];
-  // The drive is repeated, and the vehicle begins at another place then: that is no late data.
-  const before = vehicle.status();
   for (let n = 0; n < 12; n += 1) {
     driver.kill("SIGSTOP");
     await pause(n % 2 ? 36 : 53);
     driver.kill("SIGCONT");
     await pause(700);
   }
+  if (vehicle.isOverloaded()) return;
   const { events, faulty_sensors: faulty } = vehicle.status();
-  const faults = events.filter(({ kind, time }) => kind.sensor_fault && time > before.now_ns);
-  assert.deepEqual(faults.map(({ text }) => text), []);
-  assert.deepEqual(faulty.filter((name) => !before.faulty_sensors.includes(name)), []);
+  assert.deepEqual(events.filter(({ kind }) => kind.sensor_fault).map(({ text }) => text), []);
+  assert.deepEqual(faulty, []);
 });
 
 test("a log is played with pause, position and speed", async () => {
+  const isOverloaded = vehicle.isOverloaded();
   await vehicle.stop();
-  const logs = join(vehicle.ports, "logs");
-  const name = readdirSync(logs).filter((file) => file.endsWith(".mcap"))[0];
-  const replay = vehicle.run("replay", join(logs, name), "--live", "--rate", "1",
+  if (!isOverloaded) assert.deepEqual(vehicle.faults(), [], "no fault in the whole recording");
+  const replay = vehicle.run("replay", vehicle.logs()[0], "--live", "--rate", "1",
     "--listen", `127.0.0.1:${vehicle.port}`);
   await until(() => replay.text.includes("live page"), () => replay.text);
   const socket = new WebSocket(`ws://127.0.0.1:${vehicle.port}/ws`);

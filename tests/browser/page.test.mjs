@@ -2,8 +2,6 @@
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { readdirSync } from "node:fs";
-import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { chromium } from "playwright-core";
 
@@ -60,6 +58,7 @@ test("the page shows estimates, asks no other host and has no errors", async () 
   assert.match(await page.locator("#sources").textContent(), /imu\d+\/s/);
   assert.match(await page.locator("#recording").textContent(), /● recording for/);
   assert.match(await page.locator("#disk").textContent(), /disk: /);
+  if (!vehicle.isOverloaded()) assert.deepEqual(await page.locator("#problems li").allTextContents(), []);
   assert.ok(await page.locator(".chart canvas").count() >= 2, "plots");
   assert.ok(await page.locator("#topic option").count() > 5, "topics to choose");
   assert.deepEqual(errors, []);
@@ -217,14 +216,18 @@ test("the page shows within 1 s that it is stale, and connects again", async () 
   await context.close();
 });
 
-test("the recording is complete and has the mark; the token is in no message", async () => {
+test("the recording is complete and has the mark; the token is in no message; no sensor is faulty", async () => {
+  const { page, context } = await open();
+  await page.waitForFunction(() => document.querySelector("#sources td"));
+  const isOverloaded = vehicle.isOverloaded();
+  if (!isOverloaded) assert.deepEqual(await page.locator("#problems li").allTextContents(), []);
+  await context.close();
   const { lost } = vehicle.status();
   assert.deepEqual(Object.entries(lost).filter(([, count]) => count > 0), []);
   await vehicle.stop();
   for (const child of vehicle.processes) assert.ok(!child.text.includes(TOKEN), child.spawnargs.join(" "));
-  const logs = join(vehicle.ports, "logs");
-  const files = readdirSync(logs).filter((name) => name.endsWith(".mcap")).map((name) => join(logs, name));
-  const marks = files.map((file) =>
+  if (!isOverloaded) assert.deepEqual(vehicle.faults(), []);
+  const marks = vehicle.logs().map((file) =>
     spawnSync(ATVREC, ["export", file, "--topic", "/mark"], { encoding: "utf8", cwd: vehicle.directory }).stdout);
   assert.match(marks.join(""), /gravel from the page/);
 });
