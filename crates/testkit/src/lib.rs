@@ -5,8 +5,11 @@
 //! - Feature `truth`: `truth` loads the runs of an independent simulator, `sensing` makes the
 //!   samples of the thesis's sensors on a run, `drive` a run of the virtual vehicle, and
 //!   `scoring` runs the estimator and compares it with the run.
+//! - Feature `controllers`: `controllers` compares frames of `output.can` with a log.
 
 mod allocations;
+#[cfg(feature = "controllers")]
+pub mod controllers;
 #[cfg(feature = "truth")]
 pub mod drive;
 mod hostile;

@@ -1,14 +1,21 @@
 //! What a controller gets: datagrams of the live process and frames of the recorder.
 
 use std::fs;
+use std::io::Read;
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use sample::CanFrame;
+use serialport::{SerialPort, TTYPort};
+use store::Reader;
+use testkit::controllers::assert_frames;
 use wire::output::{ControllerOutput, Validity, decode_datagram};
+use wire::slcan::{Decoder, Event};
 
-use crate::record::Virtual;
+use crate::record::{Virtual, logs};
 use crate::support::{atvrec, stdout};
 
 /// Ends with this.
@@ -100,4 +107,82 @@ fn controllers_get_each_estimate_once_and_stale_records_without_one() {
     }
     drop(recorder);
     receive_row(&socket, Validity::Stale, 50);
+}
+
+/// An SLCAN adapter, and the frames that it was told to send, each with the wall clock, ns.
+struct Adapter {
+    device: String,
+    slave: TTYPort,
+    reader: JoinHandle<Vec<(CanFrame, i64)>>,
+}
+
+impl Adapter {
+    /// Listens until nothing comes for `silence`, after the first frame.
+    fn start(silence: Duration) -> Self {
+        let (mut master, slave) = TTYPort::pair().expect("a pseudo-terminal");
+        let device = slave.name().expect("a name");
+        master.set_timeout(silence).expect("a timeout");
+        let reader = std::thread::spawn(move || {
+            let mut decoder = Decoder::new();
+            let mut frames = Vec::new();
+            let mut bytes = [0; 4096];
+            loop {
+                match master.read(&mut bytes) {
+                    Ok(count) => {
+                        let now = SystemTime::now().duration_since(UNIX_EPOCH);
+                        let now_ns = now.expect("after 1970").as_nanos() as i64;
+                        decoder.push(&bytes[..count], &mut |event| {
+                            if let Event::Frame(frame) = event {
+                                frames.push((frame, now_ns));
+                            }
+                        });
+                    }
+                    Err(_) if frames.is_empty() => {}
+                    Err(_) => return frames,
+                }
+            }
+        });
+        Self {
+            device,
+            slave,
+            reader,
+        }
+    }
+
+    fn finish(self) -> Vec<(CanFrame, i64)> {
+        let frames = self.reader.join().expect("no panic");
+        drop(self.slave);
+        frames
+    }
+}
+
+/// `[output.can]`, from the bytes of the sensors to values by the DBC file that ships.
+#[test]
+fn frames_decoded_by_the_dbc_file_are_the_estimates_of_the_log() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let vehicle = Virtual::start(here);
+    let adapter = Adapter::start(Duration::from_secs(3));
+    let mut config = fs::read_to_string(here.join("ports/atvrec.toml")).expect("there");
+    config += &format!("\n[output.can]\ndevice = \"{}\"\n", adapter.device);
+    fs::write(here.join("ports/controllers.toml"), config).expect("written");
+    let mut recorder = Process::start(here, &["record", "-d", "logs", "--for", "8"]);
+    std::thread::sleep(Duration::from_secs(6));
+    drop(vehicle);
+    recorder.0.wait().expect("the recorder ends");
+    let frames = adapter.finish();
+
+    let reader = Reader::open(logs(&here.join("logs"))).expect("a log");
+    let estimates = reader.estimates().collect::<Result<Vec<_>, _>>();
+    let first = reader.arrivals().next().expect("an arrival").expect("read");
+    let realtime_less_log_ns = first.realtime_ns - first.log_time.0 as i64;
+    let sets = assert_frames(
+        &frames,
+        &estimates.expect("estimates"),
+        realtime_less_log_ns,
+    );
+    println!("{sets:?}");
+    assert!(sets.valid > 300, "{sets:?}");
+    // The vehicle was away for more than a second.
+    assert!(sets.stale > 50, "{sets:?}");
 }

@@ -44,7 +44,7 @@ impl Drop for Virtual {
     }
 }
 
-fn logs(directory: &Path) -> Vec<PathBuf> {
+pub fn logs(directory: &Path) -> Vec<PathBuf> {
     let mut logs: Vec<PathBuf> = fs::read_dir(directory)
         .expect("the log directory")
         .map(|entry| entry.expect("an entry").path())
