@@ -12,9 +12,10 @@ import { ATVREC, pause } from "./vehicle.mjs";
 
 const WHEELS = ["fl", "fr", "rl", "rr"];
 const DRIVE_S = 52;
-// The left front wheel leaves the ground after 47 s of this drive.
+// The left front wheel leaves the ground after 45.8 s by the estimate.
 const DRIVE = ["simulate", "--manoeuvre", "circle", "--for", String(DRIVE_S), "-o", "drive.mcap"];
 const ON_THE_GROUND_S = 20;
+const BEFORE_THE_LIFT_S = 45;
 const IN_THE_AIR_S = 50;
 // Length of an arrow for a force as large as the static load, in units of the picture; longest arrow.
 const ARROW = 40;
@@ -78,6 +79,14 @@ before(async () => {
   page.on("websocket", (socket) => socket.on("framereceived", ({ payload }) => {
     staticLoad = JSON.parse(payload).static_load_n ?? staticLoad;
   }));
+  await page.addInitScript(() => {
+    const start = OscillatorNode.prototype.start;
+    globalThis.tones = 0;
+    OscillatorNode.prototype.start = function count(...args) {
+      globalThis.tones += 1;
+      return start.apply(this, args);
+    };
+  });
   await page.goto(address);
   await page.waitForFunction(() => document.body.dataset.timeNs > 0);
 });
@@ -88,14 +97,19 @@ after(async () => {
   rmSync(directory, { recursive: true, force: true });
 });
 
-// Plays from a position for the time in which parameters come, pauses, and returns what the page shows.
-async function shownAt(seconds, firstNs) {
+async function playFrom(seconds, firstNs) {
   if (await page.textContent("#play") !== "Pause") await page.click("#play");
   await page.waitForFunction(() => document.getElementById("play").textContent === "Pause");
   await page.locator("#position").fill(String(Math.round(1000 * seconds / DRIVE_S)));
   const reached = (time) => page.waitForFunction(
     (ns) => document.body.dataset.timeNs >= ns, firstNs + 1e9 * time, { timeout: 120000 });
   await reached(seconds - 0.1);
+  return reached;
+}
+
+// Plays from a position for the time in which parameters come, pauses, and returns what the page shows.
+async function shownAt(seconds, firstNs) {
+  const reached = await playFrom(seconds, firstNs);
   await reached(seconds + 1.2);
   await page.click("#play");
   await page.waitForFunction(() => document.getElementById("play").textContent === "Play");
@@ -173,6 +187,22 @@ test("bars, arrows and texts are the values of the log", async () => {
   assert.equal(shown.tyres.length, 4);
   assert.deepEqual(shown.tyres.map(({ lifted }) => lifted), ["no", "no", "no", "no"]);
   compare(shown);
+});
+
+test("a lift is shown large, listed with its time, and audible after a tap", async () => {
+  const firstNs = Number(rows("/estimate/motion")[0].log_time_ns);
+  await page.click("#sound");
+  const tones = await page.evaluate(() => globalThis.tones);
+  assert.equal(tones, 1, "the tap makes a sound");
+  await playFrom(BEFORE_THE_LIFT_S, firstNs);
+  await page.waitForFunction(() => /Wheel in the air: .*FL/.test(document.getElementById("warning").textContent));
+  const warning = await page.evaluate(() => {
+    const node = document.getElementById("warning");
+    return { shown: node.checkVisibility(), px: parseFloat(getComputedStyle(node).fontSize), tones: globalThis.tones };
+  });
+  assert.ok(warning.shown && warning.px >= 24, JSON.stringify(warning));
+  assert.ok(warning.tones > tones, `${warning.tones} tones`);
+  assert.match(await page.textContent("#events li"), /^\d\d:\d\d:\d\d .*the FL wheel is off the ground/);
 });
 
 test("a wheel in the air is shown after a jump in the log", async () => {

@@ -1,9 +1,11 @@
 # Runs in the rig's guest: the virtual vehicle on SocketCAN and pseudo-terminals, recorded by atvrec
-# and, its CAN frames, by candump too.
+# and, its CAN frames, by candump too. The recorder sends its estimates on another interface.
 set -eu
 
-ip link add vcan0 type vcan
-ip link set vcan0 up
+for bus in vcan0 vcan1; do
+    ip link add "$bus" type vcan
+    ip link set "$bus" up
+done
 
 drive() {
     /rig/atvrec -q virtual --manoeuvre step-steer --seed 5 --for "$1" --can vcan0 --directory /tmp/ports
@@ -11,7 +13,12 @@ drive() {
 
 # A first drive of a moment leaves the configuration; the recorder waits for the ports to come back.
 drive 0.01
-/rig/atvrec record --config /tmp/ports/atvrec.toml --directory /rig/logs --json \
+cat /tmp/ports/atvrec.toml - >/tmp/ports/controllers.toml <<'CONFIG'
+
+[output.can]
+interface = "vcan1"
+CONFIG
+/rig/atvrec record --config /tmp/ports/controllers.toml --directory /rig/logs --json \
     >/rig/summary.json 2>/rig/record.log &
 recorder=$!
 waited=0
@@ -20,7 +27,7 @@ until ls /rig/logs/* >/dev/null 2>&1; do
     waited=$((waited + 1))
     [ "$waited" -lt 150 ] || { echo "the recorder did not begin a log"; cat /rig/record.log; exit 1; }
 done
-candump -L -D -r 8000000 vcan0 >/tmp/candump.log &
+candump -L -D -r 8000000 vcan0 vcan1 >/tmp/candump.log &
 peer=$!
 sleep 1
 drive 6

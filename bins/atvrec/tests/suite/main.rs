@@ -11,6 +11,8 @@ mod compat;
 mod configuration;
 #[cfg(feature = "live")]
 mod controllers;
+#[cfg(feature = "live")]
+mod demo;
 mod estimate;
 mod export;
 mod folder;

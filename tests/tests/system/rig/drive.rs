@@ -1,8 +1,13 @@
 //! A whole virtual vehicle in a real kernel: CAN frames on SocketCAN, the rest on pseudo-terminals.
 
+use std::path::PathBuf;
 use std::process::Command;
 
 use atvrec_tests::{atvrec, logs_in, project};
+use sample::CanFrame;
+use store::Reader;
+use testkit::controllers::assert_frames;
+use wire::output::FRAMES;
 
 use super::{boot, recorded, seen_by_candump, without_errors};
 
@@ -28,6 +33,9 @@ fn a_drive_on_socketcan_is_recorded_frame_by_frame_and_replays_here() {
         assert_eq!(recorded.bytes(), sent.bytes(), "frame {index}");
         assert!(recorded.kernel_ns.is_some(), "frame {index}");
     }
+    let frames = peer["vcan1"].iter();
+    let frames = frames.map(|frame| (*frame, frame.kernel_ns.expect("candump's stamp")));
+    assert_output(&logs, &frames.collect::<Vec<_>>());
     let verified = Command::new(atvrec())
         .args(["replay", "--verify"])
         .args(&logs)
@@ -37,4 +45,20 @@ fn a_drive_on_socketcan_is_recorded_frame_by_frame_and_replays_here() {
         verified.expect("the replay starts").success(),
         "the guest's log replays bit by bit on this machine"
     );
+}
+
+/// The frames of `output.can` on SocketCAN are the estimates of the log. The emulated processor is slow,
+/// so that few estimates are young enough to be sent.
+fn assert_output(logs: &[PathBuf], frames: &[(CanFrame, i64)]) {
+    let reader = Reader::open(logs).expect("a log");
+    let estimates = reader.estimates().collect::<Result<Vec<_>, _>>();
+    let first = reader.arrivals().next().expect("an arrival").expect("read");
+    let realtime_less_log_ns = first.realtime_ns - first.log_time.0 as i64;
+    // Candump begins in the midst of a set, and may end in one.
+    let begin = frames.iter().position(|(frame, _)| frame.id == 0x500);
+    let whole = &frames[begin.expect("a first frame")..];
+    let whole = &whole[..whole.len() - whole.len() % FRAMES];
+    let sets = assert_frames(whole, &estimates.expect("estimates"), realtime_less_log_ns);
+    println!("{sets:?}");
+    assert!(sets.valid + sets.stale > 100, "{sets:?}");
 }
