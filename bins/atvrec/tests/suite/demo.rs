@@ -12,12 +12,16 @@ use store::Reader;
 use crate::record::{Virtual, logs};
 use crate::support::{atvrec, stdout};
 
+/// A manoeuvre that is computed faster than the rough trail.
+const QUICK: &str = "slow-sine";
+
 #[test]
 fn the_demonstration_shows_its_live_page_and_ends_with_accuracy_verdict_and_report() {
     let directory = tempfile::tempdir().expect("a directory");
     let here = directory.path();
     let mut child = Command::new(env!("CARGO_BIN_EXE_atvrec"))
         .args(["--quiet", "demo", "--for", "6", "-d", "demo"])
+        .args(["--manoeuvre", QUICK])
         .current_dir(here)
         .stdout(Stdio::piped())
         .spawn()
@@ -68,6 +72,7 @@ fn the_demonstration_shows_no_page_if_it_is_told_so() {
     let directory = tempfile::tempdir().expect("a directory");
     let assert = atvrec(directory.path())
         .args(["--quiet", "demo", "--for", "1", "--no-live", "-d", "demo"])
+        .args(["--manoeuvre", QUICK])
         .assert();
     let text = stdout(&assert);
     assert!(!text.contains("live page"), "{text}");
