@@ -224,7 +224,7 @@ fn draw_sources(frame: &mut Frame<'_>, area: Rect, status: &Value) {
     };
     let shown = rows.len() - hidden;
     frame.render_widget(Table::new(rows.into_iter().take(shown), widths), inside);
-    if let (1.., Some(last)) = (hidden, inside.rows().last()) {
+    if let (1.., Some(last)) = (hidden, inside.rows().next_back()) {
         let text = format!("… and {hidden} more, see atvrec status");
         frame.render_widget(Paragraph::new(text), last);
     }
