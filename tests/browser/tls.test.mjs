@@ -90,7 +90,7 @@ test("a client that checks the certificate gets the page and the Foxglove protoc
   socket.close();
 });
 
-test("a client without TLS is told to use https", async () => {
+test("a client without TLS gets the hint to use https", async () => {
   const { status, text } = await answer(getPlain, vehicle.address.replace("https", "http"), {});
   assert.equal(status, 400);
   assert.match(text, /this server uses TLS: begin the address with https:/);

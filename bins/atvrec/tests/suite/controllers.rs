@@ -109,7 +109,7 @@ fn controllers_get_each_estimate_once_and_stale_records_without_one() {
     receive_row(&socket, Validity::Stale, 50);
 }
 
-/// An SLCAN adapter, and the frames that it was told to send, each with the wall clock, ns.
+/// An SLCAN adapter, and the frames that it received for its bus, each with the wall clock, ns.
 struct Adapter {
     device: String,
     slave: TTYPort,

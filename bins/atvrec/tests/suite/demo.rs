@@ -68,7 +68,7 @@ fn the_demonstration_shows_its_live_page_and_ends_with_accuracy_verdict_and_repo
 }
 
 #[test]
-fn the_demonstration_shows_no_page_if_it_is_told_so() {
+fn the_option_no_live_leaves_out_the_page_of_the_demonstration() {
     let directory = tempfile::tempdir().expect("a directory");
     let assert = atvrec(directory.path())
         .args(["--quiet", "demo", "--for", "1", "--no-live", "-d", "demo"])
