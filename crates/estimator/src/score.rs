@@ -178,7 +178,11 @@ pub(crate) fn correlate<const N: usize>(
             .len()
             .saturating_sub(LAGS_TOGETHER - 1)
             .min(length);
-        add_products(fixed.map(|fixed| &fixed[..whole]), &moving[lag..], &mut running);
+        add_products(
+            fixed.map(|fixed| &fixed[..whole]),
+            &moving[lag..],
+            &mut running,
+        );
         for ((running, sums), fixed) in running.iter_mut().zip(&mut sums).zip(fixed) {
             for k in whole..length {
                 for (i, sum) in running[..count].iter_mut().enumerate() {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use sample::{Event, Health, LogTime, Parameters};
 use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset};
 
-use crate::frame::Frame;
+use crate::frame::{Frame, Thinning};
 use crate::options::Options;
 use crate::{Error, Progress};
 pub use sources::{SourceRates, local_m};
@@ -36,6 +36,8 @@ const SENSORS: [&str; 9] = [
 ];
 /// Rows of a table that are in memory before they become columns.
 const BATCH_ROWS: usize = 4096;
+/// Stretches of an envelope in which the samples of a source are counted: a second in a short drive.
+const RATE_STRETCHES: f64 = 10.0;
 /// Time before and after an event that `--around` shows, s.
 pub const AROUND_S: f64 = 5.0;
 
@@ -56,6 +58,8 @@ pub struct Drive {
     pub start: LogTime,
     /// Begin and end of what is shown, s from the start.
     pub span_s: [f64; 2],
+    /// Which samples of the span are kept.
+    pub thinning: Thinning,
     /// UTC against the log clock, where a receiver sent the date.
     pub utc_offset: Option<UtcOffset>,
     /// Topics of the estimates that are shown: `estimate` or `smoothed`.
@@ -121,6 +125,11 @@ impl Drive {
         let info = reader.info();
         let mut drive = Self::of_info(reader, &info)?;
         drive.span_s = drive.choose_span(reader, &info, options)?;
+        drive.thinning = Thinning::of(drive.span_s);
+        let kept = drive.thinning.statement();
+        drive
+            .facts
+            .extend(kept.map(|kept| ("Samples".to_owned(), kept)));
         drive.stage = drive.choose_stage(&info, options)?;
         let sinks = drive.sinks(&info);
         drive.expect_rows(&sinks, &info);
@@ -294,7 +303,7 @@ impl Drive {
             let count = info.channels.get(topic).map_or(0, |(_, count)| *count);
             let share = self.duration_s() / whole_s.max(f64::MIN_POSITIVE);
             let rows = (count as f64 * share.min(1.0)).ceil() as usize;
-            let frame = Frame::expecting(rows);
+            let frame = Frame::expecting(rows, self.thinning);
             match sink {
                 Sink::Motion => self.motion = frame,
                 Sink::Forces => self.forces = frame,
@@ -350,7 +359,8 @@ impl Drive {
                 let mut table = table;
                 let origin = self.origins.entry(topic.clone()).or_default();
                 sources::to_local(&mut table, origin);
-                let rates = self.rates.entry(topic.clone()).or_default();
+                let new = || SourceRates::new(RATE_STRETCHES * self.thinning.stretch_s(0.1));
+                let rates = self.rates.entry(topic.clone()).or_insert_with(new);
                 rates.add(&table, start_ns);
                 self.take_sensor(topic, &table);
             }
@@ -362,11 +372,13 @@ impl Drive {
     fn take_sensor(&mut self, topic: &str, table: &store::Table) {
         if topic.starts_with("/deflection") {
             for column in table.columns.iter().filter(|c| sources::is_travel(&c.name)) {
-                let frame = self.travel.entry(column.name.clone()).or_default();
+                let new = || Frame::expecting(0, self.thinning);
+                let frame = self.travel.entry(column.name.clone()).or_insert_with(new);
                 frame.extend_present(table, self.start.0, &column.name);
             }
         } else if table.columns.iter().any(|c| sources::is_drawn(&c.name)) {
-            let frame = self.sensors.entry(topic.to_owned()).or_default();
+            let new = || Frame::expecting(0, self.thinning);
+            let frame = self.sensors.entry(topic.to_owned()).or_insert_with(new);
             frame.extend(table, self.start.0, sources::is_drawn);
         }
     }

@@ -5,7 +5,8 @@ use estimator::score::{DelayStatistics, ErrorStatistics, Errors, SquareStatistic
 use sample::{ForceFrame, PerWheel};
 
 use super::{
-    DELAY_MAX, INTERVAL_S, Pair, Pairs, Signal, SignalScore, TILE_PAIRS, each_plain, each_signal, forces,
+    DELAY_MAX, INTERVAL_S, Pair, Pairs, Signal, SignalScore, TILE_PAIRS, each_plain, each_signal,
+    forces,
 };
 
 /// Errors of all signals so far.

@@ -72,7 +72,22 @@ pub(super) fn motion(mut rest: &[u8]) -> Option<Motion> {
             _ => return None,
         }
     }
-    let [vx, vy, beta, beta_sigma, roll, pitch, p, q, r, _, _, _, bank, grade] = numbers;
+    let [
+        vx,
+        vy,
+        beta,
+        beta_sigma,
+        roll,
+        pitch,
+        p,
+        q,
+        r,
+        _,
+        _,
+        _,
+        bank,
+        grade,
+    ] = numbers;
     let per_wheel = |place: usize| PerWheel(wheels.map(|values| values[place]));
     Some(Motion {
         velocity_x_m_s: vx,

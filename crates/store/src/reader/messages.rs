@@ -447,7 +447,9 @@ impl EstimateJoiner {
             _ => return None,
         };
         let done = self.open.take_if(|open| open.time != time);
-        let estimate = self.open.get_or_insert_with(|| Box::new(unknown_estimate(time)));
+        let estimate = self
+            .open
+            .get_or_insert_with(|| Box::new(unknown_estimate(time)));
         match record {
             Record::Motion { motion, .. } => estimate.motion = *motion,
             Record::Rollover { rollover, .. } => estimate.rollover = *rollover,
