@@ -125,11 +125,6 @@ impl Drive {
         let info = reader.info();
         let mut drive = Self::of_info(reader, &info)?;
         drive.span_s = drive.choose_span(reader, &info, options)?;
-        drive.thinning = Thinning::of(drive.span_s);
-        let kept = drive.thinning.statement();
-        drive
-            .facts
-            .extend(kept.map(|kept| ("Samples".to_owned(), kept)));
         drive.stage = drive.choose_stage(&info, options)?;
         let sinks = drive.sinks(&info);
         drive.expect_rows(&sinks, &info);
@@ -295,15 +290,23 @@ impl Drive {
         sinks
     }
 
-    /// Reserves the frames for the messages of the whole log; memory that no row needs is not touched.
-    fn expect_rows(&mut self, sinks: &[(String, Sink)], info: &Info) {
+    /// Messages of a topic in what is shown, if they are evenly spread.
+    fn rows(&self, topic: &str, info: &Info) -> usize {
         let (first, last) = info.span.unwrap_or_default();
-        let whole_s = last.seconds_since(first);
+        let whole_s = last.seconds_since(first).max(f64::MIN_POSITIVE);
+        let count = info.channels.get(topic).map_or(0, |(_, count)| *count);
+        (count as f64 * (self.duration_s() / whole_s).min(1.0)).ceil() as usize
+    }
+
+    /// Chooses which samples are kept, and reserves the frames for the messages of the whole log; memory that no row needs is not touched.
+    fn expect_rows(&mut self, sinks: &[(String, Sink)], info: &Info) {
+        let most = sinks.iter().map(|(topic, _)| self.rows(topic, info)).max();
+        self.thinning = Thinning::of(self.span_s, most.unwrap_or_default());
+        let kept = self.thinning.statement();
+        self.facts
+            .extend(kept.map(|kept| ("Samples".to_owned(), kept)));
         for (topic, sink) in sinks {
-            let count = info.channels.get(topic).map_or(0, |(_, count)| *count);
-            let share = self.duration_s() / whole_s.max(f64::MIN_POSITIVE);
-            let rows = (count as f64 * share.min(1.0)).ceil() as usize;
-            let frame = Frame::expecting(rows, self.thinning);
+            let frame = Frame::expecting(self.rows(topic, info), self.thinning);
             match sink {
                 Sink::Motion => self.motion = frame,
                 Sink::Forces => self.forces = frame,

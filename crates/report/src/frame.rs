@@ -8,8 +8,10 @@ use store::{Table, Values};
 /// Longest gap between samples that a curve crosses, s.
 pub const GAP_S: f64 = 1.0;
 
-/// Longest drive of which every sample is kept, s.
+/// Longest drive of which every sample is kept, s ...
 const WHOLE_S: f64 = 3700.0;
+/// ... and most samples of a topic in a longer one.
+const WHOLE: usize = 370_000;
 /// Samples that are kept of a longer drive.
 const KEPT: f64 = 300_000.0;
 /// Kept samples to a stretch whose least and greatest values are kept.
@@ -25,10 +27,10 @@ pub struct Thinning {
 }
 
 impl Thinning {
-    /// For a part of a drive, s.
-    pub fn of([begin_s, end_s]: [f64; 2]) -> Self {
+    /// For a part of a drive, s, in which no topic has more samples than `most`.
+    pub fn of([begin_s, end_s]: [f64; 2], most: usize) -> Self {
         let duration_s = end_s - begin_s;
-        let slot_s = if duration_s > WHOLE_S {
+        let slot_s = if duration_s > WHOLE_S && most > WHOLE {
             duration_s / KEPT
         } else {
             0.0
@@ -423,8 +425,9 @@ mod tests {
     #[test]
     fn a_long_drive_keeps_few_samples_and_every_peak() {
         const HOURS: f64 = 10.0;
-        let thinning = Thinning::of([0.0, HOURS * 3600.0]);
-        assert!(thinning.is_on() && !Thinning::of([0.0, 3600.0]).is_on());
+        let thinning = Thinning::of([0.0, HOURS * 3600.0], 600_001);
+        let is_on = |end_s, most| Thinning::of([0.0, end_s], most).is_on();
+        assert!(thinning.is_on() && !is_on(3600.0, 720_000) && !is_on(86_400.0, 1000));
         let peak_s = 20_000.013;
         for own in [true, false] {
             let mut frame = Frame::expecting(3_600_000, thinning);
