@@ -119,10 +119,16 @@ impl ConsistencyStatistics {
     /// Forms the products of the steps before `end` with those up to `window - 1` after them.
     fn form_products(&mut self, end: usize) {
         let count = self.recent.len();
-        for (i, first) in self.recent.iter().enumerate() {
-            for (j, second) in self.recent.iter().enumerate() {
-                let sums = &mut self.products[i * count + j];
-                correlate(&second[..end], first, sums);
+        for (first, products) in self.recent.iter().zip(self.products.chunks_mut(count)) {
+            let pairs = self.recent.chunks(2).zip(products.chunks_mut(2));
+            for (seconds, sums) in pairs {
+                match (seconds, sums) {
+                    ([one, other], [sums, others]) => {
+                        correlate([&one[..end], &other[..end]], first, [sums, others]);
+                    }
+                    ([one], [sums]) => correlate([&one[..end]], first, [sums]),
+                    _ => {}
+                }
             }
         }
         for recent in &mut self.recent {

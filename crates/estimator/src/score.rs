@@ -112,7 +112,7 @@ impl DelayStatistics {
             return;
         };
         let middle = &truth[self.most..length - self.most];
-        correlate(middle, &estimate, &mut self.products);
+        correlate([middle], &estimate, [&mut self.products]);
         let mut energy: f64 = estimate[..middle.len()].iter().map(|x| x * x).sum();
         for (shift, sum) in self.energies.iter_mut().enumerate() {
             *sum += energy.max(0.0);
@@ -157,41 +157,66 @@ fn centred(series: &[f64]) -> Option<Vec<f64>> {
 /// Number of lags whose sums are formed together, in registers of the processor.
 const LAGS_TOGETHER: usize = 16;
 
-/// Adds to each `sums[lag]` the products `fixed[k] moving[k + lag]` over all k, in the order of k.
-pub(crate) fn correlate(fixed: &[f64], moving: &[f64], sums: &mut [f64]) {
+/// Adds to each `sums[lag]` the products `fixed[k] moving[k + lag]` over all k, in the order of k; of several
+/// equally long series `fixed` in one pass over `moving`.
+pub(crate) fn correlate<const N: usize>(
+    fixed: [&[f64]; N],
+    moving: &[f64],
+    mut sums: [&mut [f64]; N],
+) {
+    let lags = sums.first().map_or(0, |sums| sums.len());
+    let length = fixed.first().map_or(0, |fixed| fixed.len());
     let mut lag = 0;
-    while lag < sums.len() {
-        let rest = &mut sums[lag..];
-        let count = rest.len().min(LAGS_TOGETHER);
-        let mut running = [0.0; LAGS_TOGETHER];
-        running[..count].copy_from_slice(&rest[..count]);
+    while lag < lags {
+        let count = (lags - lag).min(LAGS_TOGETHER);
+        let mut running = [[0.0; LAGS_TOGETHER]; N];
+        for (running, sums) in running.iter_mut().zip(&sums) {
+            running[..count].copy_from_slice(&sums[lag..lag + count]);
+        }
         // Sums of lags that were not asked for are dropped; what they would read behind the end is not.
         let whole = moving[lag..]
             .len()
             .saturating_sub(LAGS_TOGETHER - 1)
-            .min(fixed.len());
-        add_products(&fixed[..whole], &moving[lag..], &mut running);
-        for k in whole..fixed.len() {
-            for (i, sum) in running[..count].iter_mut().enumerate() {
-                *sum += fixed[k] * moving[lag + k + i];
+            .min(length);
+        add_products(
+            fixed.map(|fixed| &fixed[..whole]),
+            &moving[lag..],
+            &mut running,
+        );
+        for ((running, sums), fixed) in running.iter_mut().zip(&mut sums).zip(fixed) {
+            for k in whole..length {
+                for (i, sum) in running[..count].iter_mut().enumerate() {
+                    *sum += fixed[k] * moving[lag + k + i];
+                }
             }
+            sums[lag..lag + count].copy_from_slice(&running[..count]);
         }
-        rest[..count].copy_from_slice(&running[..count]);
         lag += count;
     }
 }
 
-/// Adds the products of all values of `fixed` with [`LAGS_TOGETHER`] values of `moving` from the same place on.
+/// Adds the products of all values of each `fixed` with [`LAGS_TOGETHER`] values of `moving` from the same place
+/// on.
 #[multiversion(targets("x86_64+avx+avx2"))]
-fn add_products(fixed: &[f64], moving: &[f64], sums: &mut [f64; LAGS_TOGETHER]) {
+fn add_products<const N: usize>(
+    fixed: [&[f64]; N],
+    moving: &[f64],
+    sums: &mut [[f64; LAGS_TOGETHER]; N],
+) {
     let mut running = *sums;
+    let length = fixed.first().map_or(0, |fixed| fixed.len());
     let mut k = 0;
-    while k < fixed.len() {
-        let (x, window) = (fixed[k], &moving[k..k + LAGS_TOGETHER]);
-        let mut i = 0;
-        while i < LAGS_TOGETHER {
-            running[i] += x * window[i];
-            i += 1;
+    while k < length {
+        let window = &moving[k..k + LAGS_TOGETHER];
+        let mut n = 0;
+        while n < N {
+            let x = fixed[n][k];
+            let mut i = 0;
+            while i < LAGS_TOGETHER {
+                running[n][i] += x * window[i];
+                i += 1;
+            }
+            n += 1;
         }
         k += 1;
     }
@@ -297,12 +322,14 @@ mod tests {
 
     #[test]
     fn products_of_all_lags_are_those_of_one_lag_at_a_time() {
-        let (fixed, moving) = (wave(300, 0.0), wave(360, 5.0));
-        let mut sums = vec![1.0; 37];
-        correlate(&fixed, &moving, &mut sums);
-        for (lag, sum) in sums.iter().enumerate() {
-            let products = fixed.iter().zip(&moving[lag..]).map(|(x, y)| x * y);
-            assert_eq!(*sum, products.fold(1.0, |sum, product| sum + product));
+        let (one, other, moving) = (wave(300, 0.0), wave(300, 9.0), wave(360, 5.0));
+        let [mut sums, mut others] = [[1.0; 37]; 2];
+        correlate([&one, &other], &moving, [&mut sums, &mut others]);
+        for (fixed, sums) in [(one, sums), (other, others)] {
+            for (lag, sum) in sums.iter().enumerate() {
+                let products = fixed.iter().zip(&moving[lag..]).map(|(x, y)| x * y);
+                assert_eq!(*sum, products.fold(1.0, |sum, product| sum + product));
+            }
         }
     }
 }

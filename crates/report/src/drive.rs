@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use sample::{Event, Health, LogTime, Parameters};
 use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset};
 
-use crate::frame::Frame;
+use crate::frame::{Frame, Thinning};
 use crate::options::Options;
 use crate::{Error, Progress};
 pub use sources::{SourceRates, local_m};
@@ -36,6 +36,8 @@ const SENSORS: [&str; 9] = [
 ];
 /// Rows of a table that are in memory before they become columns.
 const BATCH_ROWS: usize = 4096;
+/// Stretches of an envelope in which the samples of a source are counted: a second in a short drive.
+const RATE_STRETCHES: f64 = 10.0;
 /// Time before and after an event that `--around` shows, s.
 pub const AROUND_S: f64 = 5.0;
 
@@ -56,6 +58,8 @@ pub struct Drive {
     pub start: LogTime,
     /// Begin and end of what is shown, s from the start.
     pub span_s: [f64; 2],
+    /// Which samples of the span are kept.
+    pub thinning: Thinning,
     /// UTC against the log clock, where a receiver sent the date.
     pub utc_offset: Option<UtcOffset>,
     /// Topics of the estimates that are shown: `estimate` or `smoothed`.
@@ -286,15 +290,23 @@ impl Drive {
         sinks
     }
 
-    /// Reserves the frames for the messages of the whole log; memory that no row needs is not touched.
-    fn expect_rows(&mut self, sinks: &[(String, Sink)], info: &Info) {
+    /// Messages of a topic in what is shown, if they are evenly spread.
+    fn rows(&self, topic: &str, info: &Info) -> usize {
         let (first, last) = info.span.unwrap_or_default();
-        let whole_s = last.seconds_since(first);
+        let whole_s = last.seconds_since(first).max(f64::MIN_POSITIVE);
+        let count = info.channels.get(topic).map_or(0, |(_, count)| *count);
+        (count as f64 * (self.duration_s() / whole_s).min(1.0)).ceil() as usize
+    }
+
+    /// Chooses which samples are kept, and reserves the frames for the messages of the whole log; memory that no row needs is not touched.
+    fn expect_rows(&mut self, sinks: &[(String, Sink)], info: &Info) {
+        let most = sinks.iter().map(|(topic, _)| self.rows(topic, info)).max();
+        self.thinning = Thinning::of(self.span_s, most.unwrap_or_default());
+        let kept = self.thinning.statement();
+        self.facts
+            .extend(kept.map(|kept| ("Samples".to_owned(), kept)));
         for (topic, sink) in sinks {
-            let count = info.channels.get(topic).map_or(0, |(_, count)| *count);
-            let share = self.duration_s() / whole_s.max(f64::MIN_POSITIVE);
-            let rows = (count as f64 * share.min(1.0)).ceil() as usize;
-            let frame = Frame::expecting(rows);
+            let frame = Frame::expecting(self.rows(topic, info), self.thinning);
             match sink {
                 Sink::Motion => self.motion = frame,
                 Sink::Forces => self.forces = frame,
@@ -350,7 +362,8 @@ impl Drive {
                 let mut table = table;
                 let origin = self.origins.entry(topic.clone()).or_default();
                 sources::to_local(&mut table, origin);
-                let rates = self.rates.entry(topic.clone()).or_default();
+                let new = || SourceRates::new(RATE_STRETCHES * self.thinning.stretch_s(0.1));
+                let rates = self.rates.entry(topic.clone()).or_insert_with(new);
                 rates.add(&table, start_ns);
                 self.take_sensor(topic, &table);
             }
@@ -362,11 +375,13 @@ impl Drive {
     fn take_sensor(&mut self, topic: &str, table: &store::Table) {
         if topic.starts_with("/deflection") {
             for column in table.columns.iter().filter(|c| sources::is_travel(&c.name)) {
-                let frame = self.travel.entry(column.name.clone()).or_default();
+                let new = || Frame::expecting(0, self.thinning);
+                let frame = self.travel.entry(column.name.clone()).or_insert_with(new);
                 frame.extend_present(table, self.start.0, &column.name);
             }
         } else if table.columns.iter().any(|c| sources::is_drawn(&c.name)) {
-            let frame = self.sensors.entry(topic.to_owned()).or_default();
+            let new = || Frame::expecting(0, self.thinning);
+            let frame = self.sensors.entry(topic.to_owned()).or_insert_with(new);
             frame.extend(table, self.start.0, sources::is_drawn);
         }
     }

@@ -160,7 +160,7 @@ pub fn report(
         html,
         numbers,
         duration_s: drive.duration_s(),
-        estimates: drive.motion.len(),
+        estimates: drive.motion.samples(),
         figures: figures.all.len(),
         files,
     })

@@ -89,12 +89,13 @@ fn by_distance(drive: &Drive, mut other: Drive) -> (Frame, Frame) {
 /// Distance along the path at each instant, m; it rises.
 pub fn distance_m(motion: &Frame) -> Vec<f64> {
     let forward = motion.get("velocity_x_m_s");
+    let step_max_s = motion.thinning().gap_s(STEP_MAX_S);
     let mut sum_m = 0.0;
     let mut before_s = motion.time_s.first().copied().unwrap_or_default();
     let step = |(index, time): (usize, &f64)| {
         let speed = forward.map_or(0.0, |speed| f64::from(speed[index]));
         let speed = if speed.is_finite() { speed.abs() } else { 0.0 };
-        sum_m += speed * (time - before_s).clamp(0.0, STEP_MAX_S);
+        sum_m += speed * (time - before_s).clamp(0.0, step_max_s);
         before_s = *time;
         sum_m
     };

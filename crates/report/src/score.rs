@@ -138,8 +138,15 @@ pub struct ScoreOptions {
 /// Corners of a low-pass that are possible at the rate of the estimates, Hz.
 pub const LOW_PASS_HZ: [f64; 2] = [0.5, 45.0];
 
-/// What is compared: for each instant the estimate and the truth, which several outputs share.
-type Pairs = Vec<(Estimate, Rc<Estimate>)>;
+/// Instants whose signals are compared one after the other: their estimates and truths, 3 kB each, stay in
+/// the processor's cache.
+const TILE_PAIRS: usize = 32;
+
+/// What is compared at an instant: the estimate and the truth, which several outputs share.
+type Pair = (Box<Estimate>, Rc<Estimate>);
+
+/// Several instants.
+type Pairs = Vec<Pair>;
 
 /// A signal of an estimate with its standard deviation (`NaN` if there is none).
 type Pick<'a> = &'a dyn Fn(&Estimate) -> (f64, f64);
@@ -253,7 +260,7 @@ fn paired(truth: &TruthByTime, estimates: Vec<Estimate>, from_s: f64) -> Result<
     let pairs: Pairs = late
         .filter_map(|estimate| {
             let truth = Rc::clone(truth.get(&estimate.time)?);
-            Some((estimate, truth))
+            Some((Box::new(estimate), truth))
         })
         .collect();
     if pairs.is_empty() {

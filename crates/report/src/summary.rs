@@ -137,7 +137,8 @@ fn wheel_rows(drive: &Drive, options: &Options) -> Vec<WheelRow> {
         let axes = ["x", "y", "z"].map(|axis| {
             let values = drive.forces.get(&format!("{wheel}.{axis}_n"))?;
             let sigma = drive.forces.get(&format!("{wheel}.{axis}_sigma_n"));
-            axis_of(values, sigma, factor)
+            let range = drive.forces.range(&format!("{wheel}.{axis}_n"))?;
+            axis_of(values, range, sigma, factor)
         });
         WheelRow {
             name,
@@ -150,12 +151,15 @@ fn wheel_rows(drive: &Drive, options: &Options) -> Vec<WheelRow> {
     rows.filter(has_any).collect()
 }
 
-fn axis_of(values: &[f32], sigma: Option<&[f32]>, factor: f64) -> Option<Axis> {
+fn axis_of(
+    values: &[f32],
+    [least, greatest]: [f32; 2],
+    sigma: Option<&[f32]>,
+    factor: f64,
+) -> Option<Axis> {
     let mut sizes: Vec<f32> = Vec::new();
-    let (mut least, mut greatest, mut squares) = (f32::INFINITY, f32::NEG_INFINITY, 0.0);
+    let mut squares = 0.0;
     for value in values.iter().copied().filter(|value| value.is_finite()) {
-        least = least.min(value);
-        greatest = greatest.max(value);
         squares += f64::from(value) * f64::from(value);
         sizes.push(value.abs());
     }
@@ -237,13 +241,8 @@ fn vehicle_rows(drive: &Drive, options: &Options) -> Vec<VehicleRow> {
     ];
     let row = |frame: &Frame, key, name, column: &str, quantity, pick: Pick| {
         let (factor, unit) = options.units.of(quantity);
-        let values = frame.get(column).unwrap_or_default().iter();
-        let mut finite = values
-            .filter(|value| value.is_finite())
-            .map(|v| f64::from(*v));
-        let first = finite.next()?;
-        // The first value with itself, so that its sign is left out where the others' are.
-        let value = finite.fold(pick(first, first), pick) * factor;
+        let [least, greatest] = frame.range(column)?.map(f64::from);
+        let value = pick(least, greatest) * factor;
         Some(VehicleRow {
             key,
             name,

@@ -1,5 +1,6 @@
 //! Conversion between the types of `sample` and the messages of the log.
 
+mod direct;
 mod estimate;
 mod road;
 mod scene;
@@ -315,10 +316,16 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         "atvrec.Motion" => Record::Motion {
             time,
             stage,
-            motion: motion_from_proto(&pb::Motion::decode(data)?),
+            motion: match direct::motion(data) {
+                Some(motion) => motion,
+                None => motion_from_proto(&pb::Motion::decode(data)?),
+            },
         },
         "atvrec.TyreForces" => {
-            let (frame, forces) = forces_from_proto(&pb::TyreForces::decode(data)?);
+            let (frame, forces) = match direct::forces(data) {
+                Some(found) => found,
+                None => forces_from_proto(&pb::TyreForces::decode(data)?),
+            };
             Record::TyreForces {
                 time,
                 stage,

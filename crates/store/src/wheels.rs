@@ -33,23 +33,27 @@ pub(crate) fn axle(number: u32) -> Option<Axle> {
 
 /// The side with this name.
 pub(crate) fn side(name: &str) -> Result<Side, MessageError> {
+    side_of(name.as_bytes()).ok_or(MessageError::Absent("side, which is left or right,"))
+}
+
+fn side_of(name: &[u8]) -> Option<Side> {
     Side::ALL
         .into_iter()
-        .find(|side| side.name() == name)
-        .ok_or(MessageError::Absent("side, which is left or right,"))
+        .find(|side| side.name().as_bytes() == name)
 }
 
 /// The wheel of an event.
 pub(crate) fn wheel(axle: u32, side: &str) -> Result<Wheel, MessageError> {
-    wheel_of(axle, side).ok_or(MessageError::Range {
+    wheel_of(axle, side.as_bytes()).ok_or(MessageError::Range {
         field: "axle",
         value: axle.into(),
     })
 }
 
-fn wheel_of(number: u32, name: &str) -> Option<Wheel> {
+/// The wheel of an axle's number and the name of a side; `None` for one that the estimator does not have.
+pub(crate) fn wheel_of(number: u32, name: &[u8]) -> Option<Wheel> {
     let [left, right] = axle(number)?.wheels();
-    side(name).ok().map(|side| match side {
+    side_of(name).map(|side| match side {
         Side::Left => left,
         Side::Right => right,
     })
@@ -65,7 +69,7 @@ macro_rules! wheel_entries {
     ($($entry:ident)*) => {
         $(impl WheelEntry for pb::$entry {
             fn wheel(&self) -> Option<Wheel> {
-                wheel_of(self.axle, &self.side)
+                wheel_of(self.axle, self.side.as_bytes())
             }
         })*
     };

@@ -4,6 +4,8 @@
 const EXACT: usize = 8192;
 /// Bits of the mantissa that tell the class of a value: 512 classes for each power of two.
 const MANTISSA_BITS: u32 = 9;
+/// Classes for each power of two.
+const CLASSES: usize = 1 << MANTISSA_BITS;
 /// Exponents with classes: values from 2^-80 to 2^48.
 const EXPONENTS: [i32; 2] = [-80, 48];
 
@@ -15,7 +17,7 @@ const EXPONENTS: [i32; 2] = [-80, 48];
 pub struct Distribution {
     exact: usize,
     values: Vec<f64>,
-    classes: Vec<u32>,
+    classes: Counts,
     count: usize,
     largest: Option<f64>,
 }
@@ -33,7 +35,7 @@ impl Distribution {
         Self {
             exact,
             values: Vec::new(),
-            classes: Vec::new(),
+            classes: Counts(Vec::new()),
             count: 0,
             largest: None,
         }
@@ -49,13 +51,12 @@ impl Distribution {
         if self.classes.is_empty() {
             self.values.push(value);
             if self.values.len() > self.exact {
-                self.classes = vec![0; class(f64::INFINITY) + 1];
                 for value in std::mem::take(&mut self.values) {
-                    self.classes[class(value)] += 1;
+                    self.classes.add(class(value));
                 }
             }
         } else {
-            self.classes[class(value)] += 1;
+            self.classes.add(class(value));
         }
     }
 
@@ -83,8 +84,8 @@ impl Distribution {
             return Some(*value);
         }
         let mut smaller = 0;
-        for (class, number) in self.classes.iter().enumerate() {
-            let number = *number as usize;
+        for (class, number) in self.classes.iter() {
+            let number = number as usize;
             if rank < smaller + number {
                 let part = ((rank - smaller) as f64 + 0.5) / number as f64;
                 let [low, high] = [class, class + 1].map(lower_edge);
@@ -119,10 +120,43 @@ impl Distribution {
             return self.values.iter().filter(|value| has(**value)).count() as f64;
         }
         let own = class(bound);
-        let whole: u64 = self.classes[..own].iter().map(|n| u64::from(*n)).sum();
+        let below = self.classes.iter().take_while(|(class, _)| *class < own);
+        let whole: u64 = below.map(|(_, number)| u64::from(number)).sum();
         let [low, high] = [own, own + 1].map(lower_edge);
         let part = ((bound - low) / (high - low)).clamp(0.0, 1.0);
-        whole as f64 + part * f64::from(self.classes[own])
+        whole as f64 + part * f64::from(self.classes.of(own))
+    }
+}
+
+/// Number of values of each class. Only the powers of two that have values take memory.
+#[derive(Clone, Debug)]
+struct Counts(Vec<Option<Box<[u32; CLASSES]>>>);
+
+impl Counts {
+    const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    fn add(&mut self, class: usize) {
+        let (power, place) = (class / CLASSES, class % CLASSES);
+        if power >= self.0.len() {
+            self.0.resize(power + 1, None);
+        }
+        self.0[power].get_or_insert_with(|| Box::new([0; CLASSES]))[place] += 1;
+    }
+
+    fn of(&self, class: usize) -> u32 {
+        let table = self.0.get(class / CLASSES).and_then(Option::as_ref);
+        table.map_or(0, |table| table[class % CLASSES])
+    }
+
+    /// The classes in order; those of a power of two without values are left out.
+    fn iter(&self) -> impl Iterator<Item = (usize, u32)> {
+        let tables = self.0.iter().enumerate();
+        tables.flat_map(|(power, table)| {
+            let numbers = table.iter().flat_map(|table| table.iter()).enumerate();
+            numbers.map(move |(place, number)| (power * CLASSES + place, *number))
+        })
     }
 }
 

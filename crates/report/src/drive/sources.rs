@@ -5,45 +5,59 @@ use store::{Column, Table, Values};
 /// Radius of the earth, m: good to 0.5 % of a distance, which is enough for a picture.
 const MEAN_RADIUS_M: f64 = 6_371_008.8;
 
-/// Samples and latency of a topic in each second.
-#[derive(Clone, Debug, Default)]
+/// Samples and latency of a topic in each second, or in each longer time of a long drive.
+#[derive(Clone, Debug)]
 pub struct SourceRates {
-    /// The second of the drive, samples in it, and the greatest latency, s.
-    seconds: Vec<(i64, u32, f64)>,
+    /// Length of a time, s.
+    width_s: f64,
+    /// Number of the time from the start of the drive, samples in it, and the greatest latency, s.
+    times: Vec<(i64, u32, f64)>,
 }
 
 impl SourceRates {
+    /// For times of a length, s.
+    pub const fn new(width_s: f64) -> Self {
+        let times = Vec::new();
+        Self { width_s, times }
+    }
+
     /// Adds the rows of a table.
     pub fn add(&mut self, table: &Table, start_ns: u64) {
+        let width_ns = (self.width_s * 1e9) as i64;
         let times = table.log_time_ns.iter().zip(&table.publish_time_ns);
         for (arrived, valid) in times {
-            let second = (arrived - start_ns.cast_signed()).div_euclid(1_000_000_000);
+            let time = (arrived - start_ns.cast_signed()).div_euclid(width_ns);
             let latency_s = (arrived - valid) as f64 * 1e-9;
-            match self.seconds.last_mut() {
-                Some((last, count, most)) if *last == second => {
+            match self.times.last_mut() {
+                Some((last, count, most)) if *last == time => {
                     *count += 1;
                     *most = most.max(latency_s);
                 }
-                _ => self.seconds.push((second, 1, latency_s)),
+                _ => self.times.push((time, 1, latency_s)),
             }
         }
     }
 
-    /// Middle of each second, s.
+    /// Middle of each time, s.
     pub fn time_s(&self) -> Vec<f64> {
-        let seconds = self.seconds.iter();
-        seconds.map(|(second, _, _)| *second as f64 + 0.5).collect()
+        let times = self.times.iter();
+        times
+            .map(|(time, _, _)| (*time as f64 + 0.5) * self.width_s)
+            .collect()
     }
 
-    /// Samples of each second.
+    /// Samples in a second of each time.
     pub fn per_second(&self) -> Vec<f32> {
-        self.seconds.iter().map(|second| second.1 as f32).collect()
+        let times = self.times.iter();
+        times
+            .map(|(_, count, _)| (f64::from(*count) / self.width_s) as f32)
+            .collect()
     }
 
-    /// Greatest latency of each second, ms.
+    /// Greatest latency of each time, ms.
     pub fn latency_ms(&self) -> Vec<f32> {
-        let seconds = self.seconds.iter();
-        seconds.map(|second| (second.2 * 1e3) as f32).collect()
+        let times = self.times.iter();
+        times.map(|time| (time.2 * 1e3) as f32).collect()
     }
 }
 

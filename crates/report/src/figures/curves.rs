@@ -102,6 +102,19 @@ impl<'a> Curves<'a> {
 
     /// A curve; `None` without a finite value.
     pub fn curve(&mut self, frame: &Frame, spec: Spec<'_>) -> Option<Trace> {
+        if !spec.is_important
+            && !spec.needs_speed
+            && let Some(stretches) = frame.stretches(spec.column)
+        {
+            let (factor, _) = self.options.units.of(spec.quantity);
+            let scaled = |value: f32| (f64::from(value) * factor) as f32;
+            let stretches = stretches.map(|(time_s, values)| (time_s, values.map(scaled)));
+            return Some(Trace {
+                name: spec.name.to_owned(),
+                pen: spec.pen,
+                data: self.envelope(stretches)?,
+            });
+        }
         let values = self.column(frame, spec, spec.column)?;
         let sigma = spec.sigma.and_then(|sigma| self.column(frame, spec, sigma));
         self.of_values(&frame.time_s, values, sigma, spec)
@@ -117,7 +130,8 @@ impl<'a> Curves<'a> {
     ) -> Option<Trace> {
         let is_long = values.len() > LONG && !self.options.full && !spec.is_important;
         let data = if is_long {
-            self.envelope(time_s, &values)?
+            let samples = time_s.iter().zip(&values);
+            self.envelope(samples.map(|(time_s, value)| (*time_s, [*value; 2])))?
         } else {
             let (x, y) = self.samples(time_s, &values)?;
             let sigma = sigma.and_then(|sigma| self.samples(time_s, &sigma));
@@ -172,7 +186,8 @@ impl<'a> Curves<'a> {
 
     /// Time and values of all samples, with a break in each gap.
     fn samples(&mut self, time_s: &[f64], values: &[f32]) -> Option<(Id, Id)> {
-        let has_gap = time_s.windows(2).any(|pair| pair[1] - pair[0] > GAP_S);
+        let gap_s = self.drive.thinning.gap_s(GAP_S);
+        let has_gap = time_s.windows(2).any(|pair| pair[1] - pair[0] > gap_s);
         if !has_gap {
             let y = self.blob.add(values)?;
             return Some((self.blob.add_times(time_s), y));
@@ -180,7 +195,7 @@ impl<'a> Curves<'a> {
         let (mut times, mut broken) = (Vec::new(), Vec::new());
         for (time, value) in time_s.iter().zip(values) {
             if let Some(last) = times.last().copied()
-                && time - last > GAP_S
+                && time - last > gap_s
             {
                 times.push(last + 1e-3);
                 broken.push(f32::NAN);
@@ -192,25 +207,35 @@ impl<'a> Curves<'a> {
         Some((self.blob.add_times(&times), y))
     }
 
-    /// Least and greatest value of each stretch; a stretch without a sample is a break.
-    fn envelope(&mut self, time_s: &[f64], values: &[f32]) -> Option<Data> {
+    /// Least and greatest value of each stretch of time, from those of samples or of shorter stretches; a
+    /// long time without any is a break.
+    fn envelope(&mut self, samples: impl Iterator<Item = (f64, [f32; 2])>) -> Option<Data> {
+        let thinning = self.drive.thinning;
+        let (stretch_s, gap_s) = (thinning.stretch_s(STRETCH_S), thinning.gap_s(GAP_S));
+        // A drive that is thinned begins with a stretch of its own.
+        let begin_s = if thinning.is_on() {
+            self.drive.span_s[0]
+        } else {
+            0.0
+        };
         let (mut times, mut low, mut high) = (Vec::new(), Vec::new(), Vec::new());
         let mut before = None;
-        for (time, value) in time_s.iter().zip(values) {
-            let stretch = (time / STRETCH_S).floor() as i64;
+        for (time_s, [least, greatest]) in samples {
+            let stretch = ((time_s - begin_s) / stretch_s).floor() as i64;
             if before != Some(stretch) {
-                if before.is_some_and(|before| (stretch - before) as f64 * STRETCH_S > GAP_S) {
+                let is_gap = |before| (stretch - before - 1) as f64 * stretch_s >= gap_s;
+                if before.is_some_and(is_gap) {
                     times.push(times.last().copied().unwrap_or_default() + 1e-3);
                     low.push(f32::NAN);
                     high.push(f32::NAN);
                 }
                 before = Some(stretch);
-                times.push((stretch as f64 + 0.5) * STRETCH_S);
-                low.push(*value);
-                high.push(*value);
+                times.push(begin_s + (stretch as f64 + 0.5) * stretch_s);
+                low.push(least);
+                high.push(greatest);
             } else if let (Some(low), Some(high)) = (low.last_mut(), high.last_mut()) {
-                *low = low.min(*value);
-                *high = high.max(*value);
+                *low = low.min(least);
+                *high = high.max(greatest);
             }
         }
         let low = self.blob.add_envelope(&low)?;

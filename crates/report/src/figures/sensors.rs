@@ -9,6 +9,8 @@ use crate::plot::{Data, Figure, Kind, Pen, Trace};
 /// Bins of the histogram of velocities.
 const BINS: usize = 80;
 const NO_POTENTIOMETER: &str = "no potentiometer is connected (/deflection)";
+const TOO_LONG: &str = "the report has more than an hour and leaves samples out; use --from and --to for an \
+     hour of the drive";
 /// Samples of a segment of a spectrum.
 const SEGMENT: usize = 256;
 
@@ -28,9 +30,9 @@ fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
         let frame = drive.travel.get(&column);
         frame.is_some_and(|frame| !frame.is_empty())
     };
-    let (column, factor, unit) = match WHEELS.iter().any(is_calibrated) {
-        true => ("deflection_m", factor, metres),
-        false => ("raw_counts", 1.0, "counts"),
+    let (column, quantity, factor, unit) = match WHEELS.iter().any(is_calibrated) {
+        true => ("deflection_m", Quantity::Length, factor, metres),
+        false => ("raw_counts", Quantity::Number, 1.0, "counts"),
     };
     let mut velocity = panel("part of the time (%)", None);
     let mut spectrum = panel(format!("log10 of ({unit})²/Hz"), None);
@@ -50,12 +52,13 @@ fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
             pen,
             data: Data::Own { x, y },
         };
-        velocity
-            .traces
-            .extend(velocities(times, &values).map(trace));
-        spectrum.traces.extend(power(times, &values).map(trace));
-        let spec = Spec::new("travel", "", Quantity::Length);
-        let travel = curves.of_values(times, values, None, spec);
+        if !drive.thinning.is_on() {
+            velocity
+                .traces
+                .extend(velocities(times, &values).map(trace));
+            spectrum.traces.extend(power(times, &values).map(trace));
+        }
+        let travel = curves.curve(frame, Spec::new("travel", &column, quantity));
         let mut one = panel(format!("travel ({unit})"), travel);
         one.heading = name.to_owned();
         panels.push(one);
@@ -79,7 +82,12 @@ fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
         x_label: "frequency (Hz)".into(),
         kind: Kind::Plain,
     };
-    all.extend([travel, velocity, spectrum].map(|figure| (figure, NO_POTENTIOMETER)));
+    let reason = match drive.thinning.is_on() && !drive.travel.is_empty() {
+        true => TOO_LONG,
+        false => NO_POTENTIOMETER,
+    };
+    all.push((travel, NO_POTENTIOMETER));
+    all.extend([velocity, spectrum].map(|figure| (figure, reason)));
 }
 
 /// Histogram of the velocity: middle of the bins, and per cent.

@@ -2,11 +2,11 @@
 
 use estimator::consistency::{Consistency, ConsistencyStatistics, WINDOW_STEPS};
 use estimator::score::{Distribution, ErrorStatistics, SquareStatistics};
-use sample::{Estimate, ForceFrame, PerWheel, TyreForce, Wheel};
+use sample::{Estimate, ForceFrame, PerWheel, Wheel};
 use serde_json::{Value, json};
 
 use super::two_way::TwoWay;
-use super::{PART_PAIRS, Pairs};
+use super::{PART_PAIRS, Pair, Pairs, TILE_PAIRS};
 
 /// Least peak of a moment by which its error is divided, N m.
 pub(super) const MOMENT_FLOOR_N_M: f64 = 50.0;
@@ -81,11 +81,16 @@ impl Forces {
     /// Takes the next part.
     pub fn push(&mut self, pairs: &Pairs) {
         if self.0.is_none() {
-            let frames = known_frames(pairs.iter().map(|(estimate, _)| estimate));
+            let frames = known_frames(pairs.iter().map(|(estimate, _)| &**estimate));
             self.0 = frames.map(|frames| frames.map(InFrame::new));
         }
+        for tile in pairs.chunks(TILE_PAIRS) {
+            for frame in self.0.iter_mut().flatten() {
+                frame.push(tile);
+            }
+        }
         for frame in self.0.iter_mut().flatten() {
-            frame.push(pairs);
+            frame.end_part();
         }
     }
 
@@ -107,6 +112,8 @@ struct InFrame {
     squares: [SquareStatistics; 3],
     distributions: [Distribution; 3],
     windows: ConsistencyStatistics,
+    /// Normalised errors of the part: of F_x of the four wheels, of F_y and of F_z.
+    normalised: Vec<[f64; 12]>,
 }
 
 impl InFrame {
@@ -119,52 +126,48 @@ impl InFrame {
             squares: Default::default(),
             distributions: [(); 3].map(|()| Distribution::exact_up_to(4 * PART_PAIRS)),
             windows: ConsistencyStatistics::new(12, WINDOW_STEPS),
+            normalised: Vec::new(),
         }
     }
 
-    /// A value of all instants: of the estimate, and of the truth.
-    fn series(
-        &self,
-        pairs: &Pairs,
-        wheel: Wheel,
-        pick: &dyn Fn(&TyreForce) -> f64,
-    ) -> [Vec<f64>; 2] {
-        let both = pairs.iter().map(|(estimate, truth)| {
-            let own = pick(&estimate.forces(self.estimate)[wheel]);
-            (own, pick(&truth.forces(self.truth)[wheel]))
-        });
-        let (estimates, truths) = both.unzip();
-        [estimates, truths]
-    }
-
-    fn push(&mut self, pairs: &Pairs) {
-        let mut normalised = Vec::new();
+    /// Takes the next instants.
+    fn push(&mut self, tile: &[Pair]) {
+        let [mut estimates, mut truths] = [[0.0; TILE_PAIRS]; 2];
+        let (before, count) = (self.normalised.len(), tile.len());
+        self.normalised.resize(before + count, [0.0; 12]);
         for axis in 0..3 {
             for wheel in Wheel::ALL {
-                let [estimates, truths] = self.series(pairs, wheel, &|force| force.force_n[axis]);
-                let [sigmas, _] = self.series(pairs, wheel, &|force| force.sigma_n[axis]);
-                self.errors[axis][wheel.index()].push(&estimates, &truths);
-                let errors = estimates.iter().zip(&truths).zip(&sigmas);
-                let z: Vec<f64> = errors.map(|((e, t), s)| (e - t) / s).collect();
-                for z in z.iter().filter(|z| (*z * *z).is_finite()) {
-                    self.squares[axis].push(*z);
-                    self.distributions[axis].push(z * z);
+                for (place, (estimate, truth)) in tile.iter().enumerate() {
+                    let own = &estimate.forces(self.estimate)[wheel];
+                    estimates[place] = own.force_n[axis];
+                    truths[place] = truth.forces(self.truth)[wheel].force_n[axis];
+                    self.normalised[before + place][4 * axis + wheel.index()] =
+                        (estimates[place] - truths[place]) / own.sigma_n[axis];
                 }
-                normalised.push(z);
+                self.errors[axis][wheel.index()].push(&estimates[..count], &truths[..count]);
             }
         }
-        for (place, axis) in MOMENT_AXES.into_iter().enumerate() {
+        for (moments, axis) in self.moments.iter_mut().zip(MOMENT_AXES) {
             for wheel in Wheel::ALL {
-                let [estimates, truths] =
-                    self.series(pairs, wheel, &|force| force.moment_n_m[axis]);
-                self.moments[place][wheel.index()].push(&estimates, &truths);
+                for (place, (estimate, truth)) in tile.iter().enumerate() {
+                    estimates[place] = estimate.forces(self.estimate)[wheel].moment_n_m[axis];
+                    truths[place] = truth.forces(self.truth)[wheel].moment_n_m[axis];
+                }
+                moments[wheel.index()].push(&estimates[..count], &truths[..count]);
             }
         }
-        let mut step = [0.0; 12];
-        for k in 0..pairs.len() {
-            for (value, z) in step.iter_mut().zip(&normalised) {
-                *value = z[k];
+    }
+
+    /// Takes the normalised errors of the part.
+    fn end_part(&mut self) {
+        for signal in 0..12 {
+            let all = self.normalised.iter().map(|step| step[signal]);
+            for z in all.filter(|z| (z * z).is_finite()) {
+                self.squares[signal / 4].push(z);
+                self.distributions[signal / 4].push(z * z);
             }
+        }
+        for step in self.normalised.drain(..) {
             self.windows.push(&step);
         }
     }
@@ -219,7 +222,7 @@ impl LowPassed {
     pub fn push(&mut self, pairs: &Pairs) {
         if self.frames.is_none() {
             let force = || (TwoWay::low_pass(self.hz), ErrorStatistics::default());
-            let frames = known_frames(pairs.iter().map(|(estimate, _)| estimate));
+            let frames = known_frames(pairs.iter().map(|(estimate, _)| &**estimate));
             self.frames = frames.map(|frames| {
                 frames.map(|[truth, estimate]| LowPassedInFrame {
                     truth,

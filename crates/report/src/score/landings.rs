@@ -83,7 +83,7 @@ impl Landings {
             let at_s = truth.time.seconds_since(start);
             for wheel in Wheel::ALL {
                 let part = contact_load_n(truth, wheel) / static_n[wheel];
-                let loads_n = [truth, estimate].map(|of| of.forces(frame)[wheel].force_n[2]);
+                let loads_n = [&**truth, &**estimate].map(|of| of.forces(frame)[wheel].force_n[2]);
                 let (count, sum, squares) = (&mut self.count, &mut self.sum, &mut self.squares);
                 let landings = &mut self.wheels[wheel.index()];
                 landings.push(at_s, part, loads_n, |[truth_n, estimate_n]| {

@@ -46,7 +46,7 @@ pub(super) struct Pass<'a> {
 /// An output of the estimator.
 struct Output {
     /// Estimates whose truth was not read yet.
-    waiting: VecDeque<Estimate>,
+    waiting: VecDeque<Box<Estimate>>,
     pairs: Pairs,
     forces: Forces,
     low_passed: Option<LowPassed>,
@@ -137,7 +137,7 @@ impl<'a> Pass<'a> {
     }
 
     /// Takes an instant of the truth (0), of the stage (1) or of the estimates with a lag (2).
-    fn add(&mut self, of: usize, estimate: Estimate) {
+    fn add(&mut self, of: usize, estimate: Box<Estimate>) {
         if of > 0 {
             self.outputs[of - 1].waiting.push_back(estimate);
             if self.outputs[of - 1].waiting.len() > WAITING_MAX {
@@ -150,7 +150,7 @@ impl<'a> Pass<'a> {
         self.surfaces.push(&estimate, start, &self.loads);
         self.ground
             .push_truth(&estimate, start.offset_seconds(self.from_s));
-        self.truth.insert(estimate.time, Rc::new(estimate));
+        self.truth.insert(estimate.time, Rc::from(estimate));
         if self.truth.len() > WAITING_MAX {
             self.truth.pop_first();
         }

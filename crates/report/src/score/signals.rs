@@ -4,7 +4,10 @@ use estimator::consistency::{ConsistencyStatistics, WINDOW_STEPS};
 use estimator::score::{DelayStatistics, ErrorStatistics, Errors, SquareStatistics};
 use sample::{ForceFrame, PerWheel};
 
-use super::{DELAY_MAX, INTERVAL_S, Pairs, Signal, SignalScore, each_plain, each_signal, forces};
+use super::{
+    DELAY_MAX, INTERVAL_S, Pair, Pairs, Signal, SignalScore, TILE_PAIRS, each_plain, each_signal,
+    forces,
+};
 
 /// Errors of all signals so far.
 #[derive(Default)]
@@ -17,6 +20,8 @@ pub(super) struct Signals {
 struct Statistics {
     /// The score without its numbers.
     score: SignalScore,
+    /// Values of the part: estimates and truths.
+    part: [Vec<f64>; 2],
     errors: ErrorStatistics,
     delay: DelayStatistics,
     squares: SquareStatistics,
@@ -26,21 +31,24 @@ struct Statistics {
 impl Signals {
     /// Takes the next part.
     pub fn push(&mut self, pairs: &Pairs) {
-        let estimates = pairs.iter().map(|(estimate, _)| estimate);
+        let estimates = pairs.iter().map(|(estimate, _)| &**estimate);
         self.frames = self.frames.or_else(|| forces::known_frames(estimates));
         let all = &mut self.all;
-        let mut place = 0;
-        let add = |signal: Signal<'_>| {
-            if place == all.len() {
-                all.push(Statistics::new(&signal));
+        for tile in pairs.chunks(TILE_PAIRS) {
+            let mut place = 0;
+            let add = |signal: Signal<'_>| {
+                if place == all.len() {
+                    all.push(Statistics::new(&signal));
+                }
+                all[place].push(&signal, tile);
+                place += 1;
+            };
+            match &self.frames {
+                Some(frames) => each_signal(frames, add),
+                None => each_plain(add),
             }
-            all[place].push(&signal, pairs);
-            place += 1;
-        };
-        match &self.frames {
-            Some(frames) => each_signal(frames, add),
-            None => each_plain(add),
         }
+        all.iter_mut().for_each(Statistics::end_part);
     }
 
     /// The scores of the signals that both sides know.
@@ -64,6 +72,7 @@ impl Statistics {
                 nees: None,
                 nees_inside: None,
             },
+            part: Default::default(),
             errors: ErrorStatistics::default(),
             delay: DelayStatistics::new(DELAY_MAX),
             squares: SquareStatistics::default(),
@@ -71,17 +80,26 @@ impl Statistics {
         }
     }
 
-    fn push(&mut self, signal: &Signal<'_>, pairs: &Pairs) {
-        let of_estimate = pairs.iter().map(|(e, _)| (signal.estimate)(e));
-        let (values, sigmas): (Vec<f64>, Vec<f64>) = of_estimate.unzip();
-        let truths: Vec<f64> = pairs.iter().map(|(_, t)| (signal.truth)(t).0).collect();
-        self.errors.push(&values, &truths);
-        self.delay.push(&values, &truths);
-        for ((value, truth), sigma) in values.iter().zip(&truths).zip(&sigmas) {
+    fn push(&mut self, signal: &Signal<'_>, tile: &[Pair]) {
+        let [values, truths] = &mut self.part;
+        let before = values.len();
+        for (estimate, truth) in tile {
+            let (value, sigma) = (signal.estimate)(estimate);
+            let (truth, _) = (signal.truth)(truth);
+            values.push(value);
+            truths.push(truth);
             let normalised = (value - truth) / sigma;
             self.squares.push(normalised);
             self.windows.push(&[normalised]);
         }
+        self.errors.push(&values[before..], &truths[before..]);
+    }
+
+    fn end_part(&mut self) {
+        let [values, truths] = &mut self.part;
+        self.delay.push(values, truths);
+        values.clear();
+        truths.clear();
     }
 
     fn finish(self, loads: &PerWheel<f64>) -> Option<SignalScore> {

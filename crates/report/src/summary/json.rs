@@ -46,7 +46,7 @@ impl Summary {
             "vehicle": self.vehicle,
             "distance_m": self.distance_m,
             "stage": drive.stage,
-            "estimates": drive.motion.len(),
+            "estimates": drive.motion.samples(),
             "force_frame": drive.force_frame,
             "force_unit": unit(Quantity::Force),
             "verdict": self.verdict,

@@ -104,10 +104,6 @@ fn force_to_proto(axle: u32, side: String, force: &TyreForce) -> pb::TyreForce {
 }
 
 pub(super) fn forces_from_proto(message: &pb::TyreForces) -> (ForceFrame, PerWheel<TyreForce>) {
-    let frame = match pb::ForceFrame::try_from(message.frame).unwrap_or_default() {
-        pb::ForceFrame::Unspecified | pb::ForceFrame::Contact => ForceFrame::Contact,
-        pb::ForceFrame::WheelCarrier => ForceFrame::WheelCarrier,
-    };
     let known = |values: [Option<f64>; 3]| values.map(nan);
     let forces = per_wheel(&message.wheels, TyreForce::default(), |f| TyreForce {
         force_n: [f.x_n, f.y_n, f.z_n],
@@ -118,15 +114,26 @@ pub(super) fn forces_from_proto(message: &pb::TyreForces) -> (ForceFrame, PerWhe
             f.moment_y_sigma_n_m,
             f.moment_z_sigma_n_m,
         ]),
-        source: match pb::ForceSource::try_from(f.source).unwrap_or_default() {
-            pb::ForceSource::None => ForceSource::None,
-            pb::ForceSource::Deflection => ForceSource::Deflection,
-            pb::ForceSource::Statics => ForceSource::Statics,
-            pb::ForceSource::Fusion => ForceSource::Fusion,
-            pb::ForceSource::Model => ForceSource::Model,
-        },
+        source: force_source(f.source),
     });
-    (frame, forces)
+    (force_frame(message.frame), forces)
+}
+
+pub(super) fn force_frame(number: i32) -> ForceFrame {
+    match pb::ForceFrame::try_from(number).unwrap_or_default() {
+        pb::ForceFrame::Unspecified | pb::ForceFrame::Contact => ForceFrame::Contact,
+        pb::ForceFrame::WheelCarrier => ForceFrame::WheelCarrier,
+    }
+}
+
+pub(super) fn force_source(number: i32) -> ForceSource {
+    match pb::ForceSource::try_from(number).unwrap_or_default() {
+        pb::ForceSource::None => ForceSource::None,
+        pb::ForceSource::Deflection => ForceSource::Deflection,
+        pb::ForceSource::Statics => ForceSource::Statics,
+        pb::ForceSource::Fusion => ForceSource::Fusion,
+        pb::ForceSource::Model => ForceSource::Model,
+    }
 }
 
 pub(super) fn ground_to_proto(ground: &Ground) -> pb::Ground {

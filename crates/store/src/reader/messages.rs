@@ -423,7 +423,7 @@ pub(super) fn signals(message: MessageRef<'_>) -> Result<Vec<Signal>> {
 #[derive(Clone, Debug)]
 pub struct EstimateJoiner {
     stage: Stage,
-    open: Option<Estimate>,
+    open: Option<Box<Estimate>>,
 }
 
 impl EstimateJoiner {
@@ -436,7 +436,7 @@ impl EstimateJoiner {
 
     /// Takes a record, and returns the estimate before it if the record is of another instant. Records
     /// of other stages are left out.
-    pub fn push(&mut self, record: &Record) -> Option<Estimate> {
+    pub fn push(&mut self, record: &Record) -> Option<Box<Estimate>> {
         let is_own = |stage: Stage| {
             stage == self.stage || (self.stage == Stage::Estimate && stage == Stage::Model)
         };
@@ -447,7 +447,9 @@ impl EstimateJoiner {
             _ => return None,
         };
         let done = self.open.take_if(|open| open.time != time);
-        let estimate = self.open.get_or_insert_with(|| unknown_estimate(time));
+        let estimate = self
+            .open
+            .get_or_insert_with(|| Box::new(unknown_estimate(time)));
         match record {
             Record::Motion { motion, .. } => estimate.motion = *motion,
             Record::Rollover { rollover, .. } => estimate.rollover = *rollover,
@@ -468,7 +470,7 @@ impl EstimateJoiner {
 
     /// The last estimate.
     #[must_use]
-    pub fn finish(self) -> Option<Estimate> {
+    pub fn finish(self) -> Option<Box<Estimate>> {
         self.open
     }
 }
@@ -488,14 +490,14 @@ pub(super) fn joined(
     std::iter::from_fn(move || {
         loop {
             let Some(message) = messages.next() else {
-                return joiner.take()?.finish().map(Ok);
+                return joiner.take()?.finish().map(|last| Ok(*last));
             };
             match message.and_then(|message| message.record()) {
                 Err(error) => return Some(Err(error)),
                 Ok(None) => {}
                 Ok(Some(record)) => {
                     if let Some(done) = joiner.as_mut()?.push(&record) {
-                        return Some(Ok(done));
+                        return Some(Ok(*done));
                     }
                 }
             }
