@@ -36,6 +36,9 @@ struct RowMeasurement {
     tolerance: f64,
 }
 
+/// Fewest axial channels with a recent reading that measure the forces of a corner.
+const STRAINED: usize = 4;
+
 impl Fusion {
     /// Takes the new readings of one corner.
     pub(super) fn take_corner(
@@ -48,6 +51,7 @@ impl Fusion {
     ) {
         let measured = self.measure_corner(input, &model.forms[wheel], wheel, readings);
         let mut joint = self.covariance.project(&measured.rows, &self.state);
+        let strained = measured.alive >= STRAINED;
         let event = self.judge_channels(&joint, &measured, wheel, changes);
         let limit = if event.is_some() || self.settling() {
             f64::INFINITY
@@ -59,7 +63,9 @@ impl Fusion {
             joint = self.covariance.project(&measured.rows, &self.state);
         }
         if let Some(length) = measured.length {
-            self.take_length(&mut joint, &length, wheel, limit);
+            // Without strain, only the balances of the whole vehicle contradict a potentiometer: one relation.
+            let alone = strained && limit.is_finite();
+            self.take_length(&mut joint, &length, wheel, limit, alone);
         }
         for channel in StrainChannel::ALL {
             if let Some(strain) = measured.strain[channel.index()] {
@@ -76,7 +82,7 @@ impl Fusion {
         }
         self.covariance
             .apply(&measured.rows, &joint, &mut self.state);
-        if measured.alive < 4 {
+        if !strained {
             self.blind = true;
             self.take_expected(input, wheel);
         }
@@ -164,7 +170,8 @@ impl Fusion {
             let (extra, tolerance) = if axial {
                 let n = &self.tuning.force_noise;
                 let rough = n.road_member * n.road_member * self.force_noise.road(wheel);
-                (rough, member_tolerance_n(posed, unlagged.value, &t))
+                let road = self.force_noise.road(wheel);
+                (rough, member_tolerance_n(posed, unlagged.value, road, &t))
             } else {
                 (c.offset_sigma.powi(2), arm * t.bending_sigma_n)
             };
@@ -298,13 +305,15 @@ impl Fusion {
         (!is_evidence).then(|| largest.sqrt())
     }
 
-    /// Takes a potentiometer. Several innovations that no strut makes are a jump of its level.
+    /// Takes a potentiometer. Several innovations that no strut makes are a jump of its level, if it is `alone`
+    /// against sensors that agree with each other.
     fn take_length(
         &mut self,
         joint: &mut Joint,
         length: &RowMeasurement,
         wheel: usize,
         limit: f64,
+        alone: bool,
     ) {
         let t = self.tuning;
         let innovation_mm = length.value - joint.value(LENGTH_ROW);
@@ -315,10 +324,9 @@ impl Fusion {
         self.count(InnovationKind::Strut, z, t.members.jump_sigma);
         self.force_noise.take_length(wheel, z);
         self.length_measured[wheel] = true;
-        if limit.is_finite() {
+        if alone {
             self.lengths[wheel].learn(z, innovation_mm, &t.potentiometers);
         }
-        let alone = limit.is_finite();
         self.jumps[wheel] = if alone && z.abs() > t.members.jump_sigma {
             self.jumps[wheel] + 1
         } else {
@@ -415,11 +423,12 @@ pub(super) fn time_constant_s(corner_hz: f64) -> f64 {
 }
 
 /// Error of the linkage's model on a member's force, N. Without a deflection the design position
-/// replaces the measured one, with a large error.
-fn member_tolerance_n(posed: bool, force_n: f64, tuning: &MemberTuning) -> f64 {
+/// replaces the measured one, with an error that grows with the roughness of the road.
+fn member_tolerance_n(posed: bool, force_n: f64, road: f64, tuning: &MemberTuning) -> f64 {
     if posed {
         tuning.member_sigma_n + tuning.member_sigma_part * force_n.abs()
     } else {
-        tuning.unposed_sigma_n + tuning.unposed_sigma_part * force_n.abs()
+        let part = tuning.unposed_sigma_part + tuning.unposed_road * road.sqrt();
+        tuning.unposed_sigma_n + part * force_n.abs()
     }
 }

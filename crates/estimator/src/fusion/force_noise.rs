@@ -102,30 +102,33 @@ impl ForceNoise {
         self.hub_square[wheel] += t.road_memory * (z * z - self.hub_square[wheel]);
     }
 
-    /// Adapts the densities at the end of a step to the normalised corrections of the twelve rates; the
-    /// road's for wheels with a potentiometer.
+    /// Adapts the densities at the end of a step to the normalised corrections of the twelve rates; the road's
+    /// to those of the loads and, for wheels with a potentiometer, to its innovations.
     pub fn learn(&mut self, corrections: [f64; 12], measured: [bool; 4], loads: [f64; 4]) {
         for (axis, noise) in self.noise.iter_mut().enumerate() {
             noise.learn(std::array::from_fn(|wheel| corrections[3 * wheel + axis]));
         }
         let t = &self.tuning;
-        let count = measured.iter().filter(|is| **is).count().max(1) as f64;
         let surplus: [f64; 4] = std::array::from_fn(|wheel| {
             let z = loads[wheel].clamp(-t.innovation_max, t.innovation_max);
             self.load_square[wheel] += t.load_memory * (z * z - self.load_square[wheel]);
             let [low, high] = t.load_square;
             let load = self.load_square[wheel];
-            self.square[wheel].max(self.hub_square[wheel]) - t.road_square
+            let length = if measured[wheel] {
+                self.square[wheel]
+            } else {
+                t.road_square
+            };
+            length.max(self.hub_square[wheel]) - t.road_square
                 + t.load_gain[0] * (load - low).min(0.0)
                 + t.load_gain[1] * (load - high).max(0.0)
         });
-        let known = |wheel: &usize| measured[*wheel];
-        let mean = (0..4).filter(known).map(|w| surplus[w]).sum::<f64>() / count;
+        let mean = surplus.iter().sum::<f64>() / 4.0;
         // The slower the vehicle, the more of the innovations is of its own manoeuvres and not of the road.
         let gain = t.road_gain * self.pace.min(1.0).sqrt();
         let [down, up] = t.road_step;
         let [least, most] = t.road_bounds;
-        for wheel in (0..4).filter(known) {
+        for wheel in 0..4 {
             let step = gain * (0.5 * (surplus[wheel] + mean)).clamp(-down, up);
             self.road[wheel] = (self.road[wheel] * (1.0 + step)).clamp(least, most);
         }

@@ -131,10 +131,11 @@ impl MotionFilter {
             receiver.at.is_some() && receiver.velocity_m_s == velocity_m_s && speed > 0.0;
         (receiver.at, receiver.velocity_m_s) = (Some(valid), velocity_m_s);
         let by_state = pose.velocity_m_s + swing;
+        let moves = math::hypot(by_state.x, by_state.y) > t.receivers.stuck_speed_m_s;
         let stuck_now: [bool; 3] = std::array::from_fn(|axis| {
             receiver.stuck[axis].take(
                 velocity_m_s[axis],
-                by_state[axis],
+                moves.then_some(by_state[axis]),
                 t.receivers.stuck_values,
                 t.receivers.stuck_change_m_s,
             )

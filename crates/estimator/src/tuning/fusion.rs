@@ -100,6 +100,8 @@ tuning! {
         unposed_sigma_n: f64 = 60.0, "N";
         /// The same as a part of the force.
         unposed_sigma_part: f64 = 0.15, "1";
+        /// What roughness adds to it, for the square root of the density of the road's noise.
+        unposed_road: f64 = 1.0e-4, "√s/N";
         /// Error of geometry and model on the ball-normal force from a bending bridge.
         bending_sigma_n: f64 = 2.5, "N";
         /// Error of a channel's gain that is not a fault.

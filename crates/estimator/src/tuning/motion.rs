@@ -85,6 +85,8 @@ tuning! {
         confirmed_again: u32 = 100, "1";
         /// Consecutive identical values of one component of velocity that are taken as stuck.
         stuck_values: u32 = 10, "1";
+        /// Least speed at which identical values are judged.
+        stuck_speed_m_s: f64 = 1.0, "m/s";
         /// Change of the velocity by the state during these values beyond which they are stuck.
         stuck_change_m_s: f64 = 0.15, "m/s";
         /// Time for which a receiver counts as active after its last velocity.

@@ -123,6 +123,8 @@ tuning! {
         difference_m_s: f64 = 0.5, "m/s";
         /// Consecutive identical readings (100 a second) that are taken as stuck.
         stuck_readings: u32 = 50, "1";
+        /// Least speed at which identical readings are judged.
+        stuck_speed_m_s: f64 = 1.0, "m/s";
         /// Change of the speed over ground during identical readings beyond which they are stuck.
         stuck_change_m_s: f64 = 0.3, "m/s";
         /// Longitudinal force over load up to which a wheel counts as rolling freely.

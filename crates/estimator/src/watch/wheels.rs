@@ -70,7 +70,7 @@ impl WheelWatch {
             let rolling = rolling.0[i]?;
             let stuck = self.0[i].stuck.take(
                 rolling.read_rad_s,
-                rolling.over_ground_m_s,
+                Some(rolling.over_ground_m_s).filter(|speed| speed.abs() > tuning.stuck_speed_m_s),
                 tuning.stuck_readings,
                 tuning.stuck_change_m_s,
             );

@@ -59,7 +59,8 @@ const LEVEL: Ground = Ground {
     drive_s: 12.0,
     faults_s: [2.5, 7.0],
     recovered_s: 10.0,
-    late: [5.0, 0.5],
+    // Drive 992 has 5.4 %: late strain and late accelerations at once make a potentiometer suspect.
+    late: [6.0, 0.5],
     in_carrier: false,
 };
 /// Most faults of a drive.
