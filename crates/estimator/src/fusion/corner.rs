@@ -6,6 +6,7 @@ use super::forms::{AT_LENGTH, Back, CornerForms, Form, MEASURED, measured_states
 use super::joint::{Joint, NO_OWN, Rows};
 use super::layout::{FORCE, HUB_BIAS, LENGTH_ERROR, OFFSET};
 use super::{Change, ChannelChange, Fusion, StepInput, StepModel};
+use crate::gaussian::within;
 use crate::inputs::{Reading, Readings};
 use crate::statics::AXIAL;
 use crate::tuning::MemberTuning;
@@ -49,9 +50,13 @@ impl Fusion {
         readings: &mut Readings,
         changes: &mut impl FnMut(ChannelChange),
     ) {
-        let measured = self.measure_corner(input, &model.forms[wheel], wheel, readings);
+        let mut measured = self.measure_corner(input, &model.forms[wheel], wheel, readings);
         let mut joint = self.covariance.project(&measured.rows, &self.state);
         let strained = measured.alive >= STRAINED;
+        if strained && self.leaps(&joint, &measured) {
+            measured.length = None;
+            self.suspected[wheel] = true;
+        }
         let event = self.judge_channels(&joint, &measured, wheel, changes);
         let limit = if event.is_some() || self.settling() {
             f64::INFINITY
@@ -303,6 +308,17 @@ impl Fusion {
             }
         }
         (!is_evidence).then(|| largest.sqrt())
+    }
+
+    /// Whether the potentiometer has moved further than a strut can in a step.
+    fn leaps(&self, joint: &Joint, measured: &CornerMeasurements) -> bool {
+        let t = self.tuning;
+        measured.length.is_some_and(|length| {
+            let apart_mm = (length.value - joint.value(LENGTH_ROW)).abs();
+            let variance = joint.variance(LENGTH_ROW) + length.variance;
+            let is_far = apart_mm > t.potentiometers.leap_mm;
+            is_far && !self.settling() && !within(t.members.jump_sigma, apart_mm, variance)
+        })
     }
 
     /// Takes a potentiometer. Several innovations that no strut makes are a jump of its level, if it is `alone`

@@ -281,6 +281,8 @@ tuning! {
         time_s: f64 = 0.5, "s";
         /// Random walk of the error while the potentiometer is suspect.
         suspect_walk_mm: f64 = 1.0, "mm/√s";
+        /// Innovation that no strut makes in one step: its potentiometer has jumped, and the reading is not used.
+        leap_mm: f64 = 30.0, "mm";
         /// Standard deviation of a length whose potentiometer has jumped.
         jump_sigma_mm: f64 = 15.0, "mm";
         /// Error from which a potentiometer is faulty.
