@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_receiver_is_named_where_the_state_is_vouched_for() {
+    fn a_receiver_is_named_where_the_state_is_confirmed() {
         let mut reported = Vec::new();
         for imu_consistent in [false, true] {
             let mut watch = ReceiverWatch::new("GNSS velocity");

@@ -358,7 +358,7 @@ fn jumping(good: &[Sample], channel: Channel, by: f64) -> Vec<Sample> {
 /// Without strain nothing confirms the inertial unit, and a receiver that contradicts it for long
 /// is adopted; but not one that hangs.
 #[test]
-fn what_hangs_is_not_adopted_though_nothing_vouches() {
+fn a_value_that_hangs_is_not_adopted_though_nothing_contradicts_it() {
     let vehicle = truth::vehicle();
     let sensors = Sensors::builtin("thesis-10bit").unwrap();
     let calibration = Calibration::nominal(&vehicle.name);
