@@ -343,6 +343,30 @@ fn assert_lagged(
 
 const TRAIL: Option<&str> = Some("../../testdata/truth/r8_trail_a.parquet");
 
+/// Channels with other rates than the estimates: the readings of a step are averaged, and the noise of the mean
+/// is smaller. A CAN bus of 1 Mbit/s carries the eight messages of the corners at 500 Hz, not at 1 kHz.
+#[test]
+fn channels_with_a_higher_rate_reduce_the_errors() {
+    let text = include_str!("../../../model/sensors/thesis-10bit.toml");
+    let directory = tempfile::tempdir().expect("a directory");
+    let at_rate = |rate_hz: f64| {
+        let path = directory.path().join(format!("strain-{rate_hz}.toml"));
+        let text = text
+            .replacen("rate_hz = 100.0", &format!("rate_hz = {rate_hz:.1}"), 1)
+            .replace("bit_rate = 500000", "bit_rate = 1000000");
+        std::fs::write(&path, text).expect("a sensors file");
+        let sensors = path.to_str().expect("a path");
+        let outcome = run(&drive(TRAIL, sensors, 11, 20.0), Delay::None, Stamps::Kernel);
+        println!("{rate_hz} Hz: {:.2?}", outcome.errors);
+        assert_eq!(outcome.faults, Vec::<String>::new());
+        outcome.errors[1]
+    };
+    let [slow, quick] = [100.0, 500.0].map(at_rate);
+    for (axis, most) in [0.93, 0.9, 1.05].into_iter().enumerate() {
+        assert!(quick[axis] < most * slow[axis], "{slow:?} {quick:?}");
+    }
+}
+
 /// Errors of the lagged forces with data that is late by at most 15 ms may be 1 % larger, and 2 % with the stamps
 /// of an adapter, which are whole milliseconds of its own clock.
 #[test]

@@ -112,16 +112,15 @@ impl ForceNoise {
         let surplus: [f64; 4] = std::array::from_fn(|wheel| {
             let z = loads[wheel].clamp(-t.innovation_max, t.innovation_max);
             self.load_square[wheel] += t.load_memory * (z * z - self.load_square[wheel]);
-            let [low, high] = t.load_square;
             let load = self.load_square[wheel];
-            let length = if measured[wheel] {
-                self.square[wheel]
+            let (length, [low, high], [down, up]) = if measured[wheel] {
+                (self.square[wheel], t.load_square, t.load_gain)
             } else {
-                t.road_square
+                (t.road_square, t.unposed_square, [1.0, 1.0])
             };
             length.max(self.hub_square[wheel]) - t.road_square
-                + t.load_gain[0] * (load - low).min(0.0)
-                + t.load_gain[1] * (load - high).max(0.0)
+                + down * (load - low).min(0.0)
+                + up * (load - high).max(0.0)
         });
         let mean = surplus.iter().sum::<f64>() / 4.0;
         // The slower the vehicle, the more of the innovations is of its own manoeuvres and not of the road.

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use sample::{InnovationKind, STANDARD_GRAVITY_M_S2};
 
+use crate::corners::CornerState;
 use crate::feedback::BodyMotionEstimate;
 use crate::gaussian::within;
 
@@ -204,7 +205,9 @@ impl Fusion {
         let sum = self.measured_sum_n(input, balance);
         let rough = t_road * t_road * self.force_noise.mean_road();
         let variance = mass * mass * accel * accel + t.sum_sigma_n.powi(2) + rough;
-        let posed = (input.corners.iter()).all(|corner| corner.strut_sigma_n.is_finite());
+        let is_posed = |corner: &CornerState| corner.strut_sigma_n.is_finite();
+        let posed = input.corners.iter().all(is_posed);
+        let unposed = !input.corners.iter().any(is_posed);
         let mut agrees = true;
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
             self.accel_variance[axis] = (joint.variance(m) + variance) / (mass * mass);
@@ -217,10 +220,11 @@ impl Fusion {
                     && !self.rolling
                     && missing.abs() > t.held_part * mass * STANDARD_GRAVITY_M_S2;
             }
-            let gate = if self.held {
-                0.0
-            } else {
-                self.tuning.gate_sigma
+            let gate = match (self.held, unposed) {
+                (true, _) => 0.0,
+                (false, false) => self.tuning.gate_sigma,
+                // Without potentiometers the accelerometers know more of the forces than the strain.
+                (false, true) => f64::INFINITY,
             };
             let innovation = self.take(joint, m, sum[axis], variance, gate);
             self.count(InnovationKind::Accelerometer, innovation, gate);

@@ -198,6 +198,9 @@ tuning! {
         load_square: [f64; 2] = [1.0, 1.5], "σ²";
         /// Weights of a mean square beyond these beside that of the potentiometer's innovations.
         load_gain: [f64; 2] = [3.0, 5.0], "1";
+        /// The same mean squares for a wheel without a potentiometer: the error of its linkage at the design
+        /// position repeats from step to step, which makes the corrections smaller than they should be.
+        unposed_square: [f64; 2] = [0.5, 0.7], "σ²";
         /// Relative change of the density in one step for a surplus of one.
         road_gain: f64 = 0.04, "1";
         /// Largest surplus down and up.
