@@ -9,6 +9,7 @@ mod check;
 mod derived;
 mod payload;
 mod plain;
+mod plausible;
 mod rules;
 
 use std::collections::BTreeMap;

@@ -90,6 +90,7 @@ impl Vehicle {
             });
         }
         warnings.extend(self.wheelbase_warning());
+        warnings.extend(self.implausible());
         warnings
     }
 
@@ -238,7 +239,11 @@ fn topple(vehicle: &Vehicle, found: &mut Vec<Contradiction>) {
                 "front and rear together, {stiffness:.0} N m/rad, do not carry the sprung mass, \
                  which needs more than m g h_1 = {overturning:.0} N m/rad"
             ),
-            "give the stiffness about the roll axis, without gravity's part".into(),
+            if stiffness * 180.0 / std::f64::consts::PI > overturning {
+                "the values are probably in N m/deg; write 57.2958 times as much".into()
+            } else {
+                "give the stiffness about the roll axis, without gravity's part".into()
+            },
         ));
     }
 }
