@@ -1,5 +1,6 @@
 //! The command line.
 
+mod files;
 mod identify;
 mod import;
 mod number;
@@ -10,6 +11,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sim::Manoeuvre;
 
+pub use files::{CheckFilesArgs, DrawArgs, SensorsCommand, ShowArgs, VehicleCommand};
 pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
     RollCentreArgs,
@@ -131,6 +133,12 @@ pub enum Command {
     ///
     /// For the service, whose recorder may not ask the kernel itself.
     ClockState(ClockStateArgs),
+    /// Print, check and draw vehicle files.
+    #[command(subcommand)]
+    Vehicle(VehicleCommand),
+    /// Print and check sensors files.
+    #[command(subcommand)]
+    Sensors(SensorsCommand),
     /// Import logs and project files of other formats.
     #[command(subcommand)]
     Import(ImportCommand),

@@ -8,6 +8,7 @@ pub mod control;
 pub mod demo;
 pub mod events;
 pub mod export;
+pub mod files;
 pub mod findings;
 pub mod identify;
 pub mod import;

@@ -74,6 +74,8 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Start(args) => cmd::control::command(&args, &Request::Start),
         Command::Stop(args) => cmd::control::command(&args, &Request::Stop),
         Command::Reload(args) => cmd::control::command(&args, &Request::Reload),
+        Command::Vehicle(command) => cmd::files::vehicle(&command),
+        Command::Sensors(command) => cmd::files::sensors(&command),
         Command::Link(args) => cmd::link::run(&args),
         Command::ClockState(args) => cmd::clock_state::run(&args),
         Command::Import(command) => cmd::import::run(&command, quiet),

@@ -9,6 +9,7 @@
 //! truth or with those of another log.
 
 mod blob;
+pub mod drawing;
 mod drive;
 mod figures;
 pub mod findings;

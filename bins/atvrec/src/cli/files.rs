@@ -1,0 +1,68 @@
+//! `atvrec vehicle` and `atvrec sensors`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::Replace;
+
+/// `atvrec vehicle`.
+#[derive(Debug, Subcommand)]
+pub enum VehicleCommand {
+    /// Print a vehicle file, or list the built-in ones.
+    ///
+    /// A built-in file is a template: print it to a file, and replace its values with those of your
+    /// vehicle.
+    Show(ShowArgs),
+    /// Check vehicle files: errors, and values that are far from usual, with their probable unit.
+    ///
+    /// The exit code is 0 if the files have no errors, also if values are far from usual.
+    Check(CheckFilesArgs),
+    /// Draw the hard-points of a vehicle file with the linkage at bump, design and droop (SVG).
+    ///
+    /// The drawing has the left corner of each axle from the rear and from above, and the curves of
+    /// camber, toe-in and motion ratio over the travel of the wheel.
+    Draw(DrawArgs),
+}
+
+/// `atvrec sensors`.
+#[derive(Debug, Subcommand)]
+pub enum SensorsCommand {
+    /// Print a sensors file, or list the built-in ones.
+    ///
+    /// A built-in file is a template: print it to a file, and replace its values with those of your
+    /// sensors.
+    Show(ShowArgs),
+    /// Check sensors files.
+    Check(CheckFilesArgs),
+}
+
+/// What to print.
+#[derive(Debug, Args)]
+pub struct ShowArgs {
+    /// Name of a built-in file, or path of a file; without it, the built-in files are listed.
+    #[arg(value_name = "FILE")]
+    pub file: Option<String>,
+}
+
+/// What to check.
+#[derive(Debug, Args)]
+pub struct CheckFilesArgs {
+    /// Paths of files, or names of built-in ones.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<String>,
+}
+
+/// `atvrec vehicle draw`.
+#[derive(Debug, Args)]
+pub struct DrawArgs {
+    /// Path of a vehicle file, or the name of a built-in one.
+    #[arg(value_name = "FILE")]
+    pub file: String,
+    /// Drawing to write.
+    #[arg(short, long, default_value = "vehicle.svg", value_name = "FILE")]
+    pub output: PathBuf,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
