@@ -140,6 +140,8 @@ pub fn report(
         options,
         &mut blob,
     );
+    drop(reference);
+    drive.free_samples();
     let content = page::Content {
         drive: &drive,
         options,
