@@ -11,7 +11,7 @@ use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, T
 use crate::frame::{Frame, Thinning};
 use crate::options::Options;
 use crate::{Error, Progress};
-pub use sources::{SourceRates, local_m};
+pub use sources::{SourceRates, local_m, place_of};
 
 /// Topics whose messages are read one by one; they are few.
 const RECORDS: [&str; 7] = [

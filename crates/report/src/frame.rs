@@ -483,7 +483,9 @@ mod tests {
             ..Frame::default()
         };
         frame.set("a", vec![0.0, 1.0, 2.0, 3.0]);
-        let on = frame.on(&Arc::new(vec![-1.0, 0.0, 0.05, 0.1, 2.0, 5.1, 6.0]));
+        let on = frame
+            .clone()
+            .on(&Arc::new(vec![-1.0, 0.0, 0.05, 0.1, 2.0, 5.1, 6.0]));
         let found: Vec<String> = on
             .get("a")
             .unwrap()

@@ -21,6 +21,7 @@ mod plot;
 mod reference;
 pub mod score;
 mod summary;
+mod tiles;
 
 use std::path::PathBuf;
 
@@ -32,6 +33,7 @@ pub use drive::events;
 pub use options::{Gate, Gates, Options, Quantity, Units};
 pub use picture::{Picture, PictureError};
 pub use plot::{Data, Figure, Kind, Panel, Pen, Trace};
+pub use tiles::{Area, TileFile, TilesError};
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -75,6 +77,9 @@ pub enum Error {
     /// The picture below the track cannot be used.
     #[error("the picture of the ground cannot be used: {0}")]
     Picture(#[from] PictureError),
+    /// The tiles below the track cannot be used.
+    #[error("the tiles of the ground cannot be used: {0}")]
+    Tiles(#[from] TilesError),
     /// Two runs have nothing to compare.
     #[error(
         "the log of --against has no estimated motion to compare with; use a log with estimates"
