@@ -150,7 +150,7 @@ impl TileFile {
             let path = file.0;
             return Err(TilesError::Format { path, format });
         }
-        // A file without tiles, or with another table, is told at once.
+        // A file without this table is an error before the log is read.
         file.query(connection.query_row("SELECT count(*) FROM (SELECT zoom_level, tile_column, tile_row, tile_data FROM tiles LIMIT 1)", [], |row| row.get::<_, u32>(0)))?;
         Ok(file)
     }
