@@ -356,7 +356,11 @@ fn channels_with_a_higher_rate_reduce_the_errors() {
             .replace("bit_rate = 500000", "bit_rate = 1000000");
         std::fs::write(&path, text).expect("a sensors file");
         let sensors = path.to_str().expect("a path");
-        let outcome = run(&drive(TRAIL, sensors, 11, 20.0), Delay::None, Stamps::Kernel);
+        let outcome = run(
+            &drive(TRAIL, sensors, 11, 20.0),
+            Delay::None,
+            Stamps::Kernel,
+        );
         println!("{rate_hz} Hz: {:.2?}", outcome.errors);
         assert_eq!(outcome.faults, Vec::<String>::new());
         outcome.errors[1]
