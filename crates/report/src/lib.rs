@@ -75,10 +75,10 @@ pub enum Error {
     )]
     NotSmoothed,
     /// The picture below the track cannot be used.
-    #[error("the picture of the ground cannot be used: {0}")]
+    #[error("the picture of the ground cannot be used")]
     Picture(#[from] PictureError),
     /// The tiles below the track cannot be used.
-    #[error("the tiles of the ground cannot be used: {0}")]
+    #[error("the tiles of the ground cannot be used")]
     Tiles(#[from] TilesError),
     /// Two runs have nothing to compare.
     #[error(
