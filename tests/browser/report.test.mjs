@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { mkdtempSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
@@ -180,6 +180,68 @@ test("laps, a picture of the ground and the distance as abscissa are shown witho
     return red / (canvas.width * canvas.height);
   });
   assert.ok(painted > 0.3, `${painted} of the map is painted`);
+  assert.deepEqual(errors, []);
+  assert.deepEqual(requests, []);
+  await context.close();
+});
+
+// Fills an MBTiles file with tiles of two colours, in a pattern as that of a chess board, at the zoom levels 17 to 19
+// around a place. Python has SQLite.
+const TILES = `
+import base64, math, sqlite3, sys
+path, latitude, longitude, green, blue = sys.argv[1], *map(float, sys.argv[2:4]), *sys.argv[4:6]
+base = sqlite3.connect(path)
+base.execute("CREATE TABLE metadata (name text, value text)")
+base.execute("INSERT INTO metadata VALUES ('format', 'png')")
+base.execute("CREATE TABLE tiles (zoom_level integer, tile_column integer, tile_row integer, tile_data blob)")
+for zoom in range(17, 20):
+    column = int((longitude + 180) / 360 * 2 ** zoom)
+    row = int((1 - math.asinh(math.tan(math.radians(latitude))) / math.pi) / 2 * 2 ** zoom)
+    for x in range(column - 8, column + 9):
+        for y in range(row - 8, row + 9):
+            tile = base64.b64decode(green if (x + y) % 2 else blue)
+            base.execute("INSERT INTO tiles VALUES (?, ?, ?, ?)", (zoom, x, 2 ** zoom - 1 - y, tile))
+base.commit()
+`;
+
+test("tiles of an MBTiles file are drawn below the track without gaps", async () => {
+  const blank = await browser.newPage();
+  const [green, blue] = await blank.evaluate(() => ["#0f0", "#00f"].map((colour) => {
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = [256, 256];
+    const ctx = canvas.getContext("2d");
+    ctx.fillStyle = colour;
+    ctx.fillRect(0, 0, 256, 256);
+    return canvas.toDataURL("image/png").split(",")[1];
+  }));
+  await blank.close();
+  const rows = run("export", "drive.mcap", "--topic", "/gnss/novatel/position").trim().split("\n").map((row) => row.split(","));
+  const column = (name) => rows[0].findIndex((head) => head.startsWith(name));
+  const [latitude, longitude] = ["latitude_rad", "longitude_rad"].map((name) => rows.at(-1)[column(name)] * 180 / Math.PI);
+  const made = spawnSync("python3", ["-c", TILES, join(directory, "map.mbtiles"), latitude, longitude, green, blue], { encoding: "utf8" });
+  assert.equal(made.status, 0, made.stderr);
+  run("report", "drive.mcap", "-o", "tiles.html", "--tiles", "map.mbtiles");
+  const bytes = (name) => statSync(join(directory, name)).size;
+  assert.ok(bytes("tiles.html") - bytes("drive.html") < 600e3, `${bytes("tiles.html")} bytes`);
+  const { context, page, errors, requests } = await open("tiles.html");
+  await see(page);
+  await page.locator("#track-plot canvas").scrollIntoViewIfNeeded();
+  await page.waitForTimeout(200);
+  const [painted, mixed] = await page.evaluate(() => {
+    const canvas = document.querySelector("#track-plot canvas");
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    const pixels = canvas.width * canvas.height;
+    const has = (n, channel) => data[4 * n + channel] > 250 && data[4 * n] < 5;
+    let [green, blue] = [0, 0];
+    for (let n = 0; n < pixels; n++) {
+      green += has(n, 1) && !has(n, 2);
+      blue += has(n, 2) && !has(n, 1);
+    }
+    return [(green + blue) / pixels, Math.min(green, blue) / Math.max(green, blue)];
+  });
+  if (process.env.PICTURES) await page.locator("#track-plot").screenshot({ path: join(process.env.PICTURES, "tiles.png") });
+  assert.ok(painted > 0.5, `${painted} of the map is painted`);
+  assert.ok(mixed > 0.2, `tiles of both colours are seen: ${mixed}`);
   assert.deepEqual(errors, []);
   assert.deepEqual(requests, []);
   await context.close();

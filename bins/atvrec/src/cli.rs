@@ -296,6 +296,10 @@ pub struct ReportArgs {
     /// in degrees (EPSG:4326) or Web Mercator (EPSG:3857).
     #[arg(long, value_name = "PICTURE")]
     pub map: Option<PathBuf>,
+    /// MBTiles file with raster tiles (PNG, JPEG, WebP) of a map, which are drawn below the track. The page
+    /// contains at most 25 of them.
+    #[arg(long, value_name = "FILE")]
+    pub tiles: Option<PathBuf>,
     /// Units: si (N, m/s), metric (kN, km/h), us (lbf, mph); angles are in degrees.
     #[arg(long, value_enum, default_value = "si")]
     pub units: UnitSystem,

@@ -9,6 +9,7 @@ mod can;
 mod clock;
 mod counts;
 mod lateness;
+mod own;
 mod rate;
 mod reception;
 mod source;
@@ -30,6 +31,7 @@ use crate::config::{self, Config};
 use crate::scene::SceneMaker;
 pub use can::DM1;
 pub use counts::MessageCounts;
+use own::OwnFrames;
 pub use reception::Reception;
 use source::{SilenceChange, SourceState};
 use timely::{Patience, Timely};
@@ -47,6 +49,7 @@ const STOPPED: &str = "stopped";
 /// Computes records from arrivals.
 pub struct Engine {
     sources: Vec<SourceState>,
+    own: Option<OwnFrames>,
     estimator: Option<Timely>,
     smoother: Option<Smoother>,
     samples: Vec<Sample>,
@@ -71,6 +74,7 @@ impl Engine {
             .collect::<Result<_>>()?;
         Ok(Self {
             sources,
+            own: OwnFrames::of(config),
             estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
             smoother: None,
             samples: Vec::new(),
@@ -136,6 +140,8 @@ impl Engine {
 
     /// Processes the next arrival and appends its records to `records`.
     pub fn push(&mut self, arrival: &Arrival, records: &mut Vec<Record>) {
+        let others = self.own.as_ref().and_then(|own| own.without(arrival));
+        let arrival = others.as_ref().unwrap_or(arrival);
         let now = arrival.log_time;
         self.samples.clear();
         let is_data = has_data(&arrival.payload);

@@ -1,8 +1,10 @@
 //! Connections with and without TLS, and their limits.
 
+mod validity;
+
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -10,7 +12,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use rustls_pki_types::pem::{self, PemObject};
-use rustls_pki_types::{CertificateDer, PrivateKeyDer};
+use rustls_pki_types::{CertificateDer, PrivateKeyDer, UnixTime};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
@@ -58,6 +60,7 @@ pub(crate) fn acceptor(certificate: &PathBuf, key: &PathBuf) -> Result<TlsAccept
             pem_text(&pem::Error::NoItemsFound, CERTIFICATE),
         ));
     }
+    warn_of_dates(certificate, &chain);
     let private =
         PrivateKeyDer::from_pem_file(key).map_err(|cause| error(key, pem_text(&cause, KEY)))?;
     let mut config = ServerConfig::builder()
@@ -75,6 +78,18 @@ pub(crate) fn acceptor(certificate: &PathBuf, key: &PathBuf) -> Result<TlsAccept
         })?;
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
     Ok(TlsAcceptor::from(Arc::new(config)))
+}
+
+/// Warns of a certificate that is not valid at present. The server starts: the clock of a vehicle may be
+/// wrong, and a browser can make an exception.
+fn warn_of_dates(path: &Path, chain: &[CertificateDer<'_>]) {
+    if let Some(problem) = validity::problem(chain, UnixTime::now()) {
+        tracing::warn!(
+            "the certificate {} {problem}: browsers and Foxglove refuse the connection; replace \
+             live.certificate and start again, or set the clock of this computer if its date is wrong",
+            path.display()
+        );
+    }
 }
 
 /// `what` the file should contain.

@@ -123,21 +123,28 @@ function draw(one) {
   ctx.restore();
 }
 
-// The picture below the track, once it is decoded.
-const picture = data.picture ? new Image() : null;
-if (picture) {
-  picture.addEventListener("load", redraw);
-  picture.src = data.picture.src;
-}
+// Tiles and picture below the track, each once it is decoded.
+const pictures = (data.pictures ?? []).map(({ src, at, whole }) => {
+  const image = new Image();
+  image.addEventListener("load", redraw);
+  image.src = src;
+  return { image, at, whole };
+});
 
 function ground(ctx, { toX, toY }) {
-  if (!picture?.complete || !picture.naturalWidth) return;
-  const [column, row, east, columnNorth, rowNorth, north] = data.picture.at;
   const [x, y] = [toX(1) - toX(0), toY(1) - toY(0)];
-  ctx.save();
-  ctx.transform(x * column, y * columnNorth, x * row, y * rowNorth, toX(east), toY(north));
-  ctx.drawImage(picture, 0, 0);
-  ctx.restore();
+  for (const { image, at, whole } of pictures) {
+    if (!image.complete || !image.naturalWidth) continue;
+    const [column, row, east, columnNorth, rowNorth, north] = at;
+    ctx.save();
+    ctx.transform(x * column, y * columnNorth, x * row, y * rowNorth, toX(east), toY(north));
+    // The place of a tile is that of the whole, and the place of a picture that of its pixels. Tiles overlap
+    // by a part of a pixel, so that no line is between them.
+    const part = whole ? 0.6 / Math.abs(x * column) : 0;
+    if (whole) ctx.drawImage(image, 0, 0, 1 + part, 1 + part);
+    else ctx.drawImage(image, 0, 0);
+    ctx.restore();
+  }
 }
 
 function axes(ctx, one, { xs, ys, box, toX, toY }, width, height) {

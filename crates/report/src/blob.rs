@@ -9,6 +9,9 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use miniz_oxide::deflate::core::{
+    CompressorOxide, TDEFLFlush, compress_to_output, create_comp_flags_from_zip_params,
+};
 use serde_json::{Value, json};
 
 /// Steps between the least and the greatest value of a series, in a short and in a long drive.
@@ -17,7 +20,7 @@ const STEPS_COARSE: f64 = 4_095.0;
 /// The same of envelopes: a figure has fewer pixels.
 const STEPS_ENVELOPE: f64 = 1_023.0;
 /// Level of the compressor.
-const LEVEL: u8 = 6;
+const LEVEL: i32 = 6;
 
 /// Position of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,9 +34,9 @@ impl Id {
 }
 
 /// All series.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Blob {
-    bytes: Vec<u8>,
+    packer: Packer,
     heads: Vec<Value>,
     known: HashMap<u64, Id>,
     /// The drive is long: the steps are coarse.
@@ -68,15 +71,15 @@ impl Blob {
         }
         let (least, span) = (f64::from(least), f64::from(greatest) - f64::from(least));
         let step = if span > 0.0 { span / steps } else { 1.0 };
-        let offset = self.bytes.len();
+        let offset = self.packer.taken;
         let mut before = 0;
         for value in values {
             if !value.is_finite() {
-                self.bytes.push(0);
+                self.packer.push(0);
                 continue;
             }
             let rounded = ((f64::from(*value) - least) / step).round() as i64;
-            varint(&mut self.bytes, zigzag(rounded - before) + 1);
+            self.packer.push(zigzag(rounded - before) + 1);
             before = rounded;
         }
         let head = json!({"o": offset, "n": values.len(), "l": least, "s": step});
@@ -89,11 +92,11 @@ impl Blob {
         if let Some(known) = self.known.get(&key) {
             return *known;
         }
-        let offset = self.bytes.len();
+        let offset = self.packer.taken;
         let (mut before, mut step) = (0, 0);
         for time in times {
             let micros = (time * 1e6).round() as i64;
-            varint(&mut self.bytes, zigzag(micros - before - step));
+            self.packer.push(zigzag(micros - before - step));
             step = micros - before;
             before = micros;
         }
@@ -115,9 +118,57 @@ impl Blob {
 
     /// All bytes, deflated, in base 64.
     pub fn text(self) -> String {
-        let packed = miniz_oxide::deflate::compress_to_vec(&self.bytes, LEVEL);
-        drop(self.bytes);
-        STANDARD.encode(packed)
+        STANDARD.encode(self.packer.finish())
+    }
+}
+
+/// Bytes that are taken before the compressor gets them.
+const TOGETHER: usize = 1 << 16;
+
+/// Deflates numbers as they come: all series of an hour have tens of megabytes before.
+struct Packer {
+    compressor: Box<CompressorOxide>,
+    waiting: Vec<u8>,
+    packed: Vec<u8>,
+    /// Bytes so far.
+    taken: usize,
+}
+
+impl Default for Packer {
+    fn default() -> Self {
+        // A raw stream, with the compressor's own strategy.
+        let flags = create_comp_flags_from_zip_params(LEVEL, 0, 0);
+        Self {
+            compressor: Box::new(CompressorOxide::new(flags)),
+            waiting: Vec::new(),
+            packed: Vec::new(),
+            taken: 0,
+        }
+    }
+}
+
+impl Packer {
+    fn push(&mut self, number: u64) {
+        let before = self.waiting.len();
+        varint(&mut self.waiting, number);
+        self.taken += self.waiting.len() - before;
+        if self.waiting.len() >= TOGETHER {
+            self.pack(TDEFLFlush::None);
+        }
+    }
+
+    fn pack(&mut self, flush: TDEFLFlush) {
+        // The compressor takes all bytes, because the sink takes all that it gives.
+        compress_to_output(&mut self.compressor, &self.waiting, flush, |bytes| {
+            self.packed.extend_from_slice(bytes);
+            true
+        });
+        self.waiting.clear();
+    }
+
+    fn finish(mut self) -> Vec<u8> {
+        self.pack(TDEFLFlush::Finish);
+        self.packed
     }
 }
 
@@ -183,6 +234,19 @@ mod tests {
     }
 
     #[test]
+    fn all_of_a_long_series_comes_back() {
+        let values: Vec<f32> = (0_u64..300_000).map(|k| (k * k % 7919) as f32).collect();
+        let mut blob = Blob::default();
+        let id = blob.add(&values).unwrap();
+        let packed = blob.packer.finish();
+        let bytes = miniz_oxide::inflate::decompress_to_vec(&packed).expect("a stream");
+        let found = read(&bytes, &blob.heads[id.0]);
+        assert_eq!(found.len(), values.len());
+        let near = |(found, value): (&f64, &f32)| (found - f64::from(*value)).abs() < 0.1;
+        assert!(found.iter().zip(&values).all(near));
+    }
+
+    #[test]
     fn series_come_back_within_half_a_step() {
         let values = [1.0, f32::NAN, -3.5, 250.25, 250.25];
         let times = [0.0, 0.01, 0.02, 0.029_999, 86_400.0];
@@ -195,12 +259,14 @@ mod tests {
             "equal series are stored once"
         );
         assert_eq!(blob.add(&[f32::NAN]), None);
-        let found = read(&blob.bytes, &blob.heads[first.0]);
+        let packed = blob.packer.finish();
+        let bytes = miniz_oxide::inflate::decompress_to_vec(&packed).expect("a stream");
+        let found = read(&bytes, &blob.heads[first.0]);
         for (found, value) in found.iter().zip(values) {
             let same = found.is_nan() && value.is_nan();
             assert!(same || (found - f64::from(value)).abs() < 253.75 / 65_535.0);
         }
-        let found = read(&blob.bytes, &blob.heads[time.0]);
+        let found = read(&bytes, &blob.heads[time.0]);
         assert!(found.iter().zip(times).all(|(a, b)| (a - b).abs() < 1e-6));
     }
 }

@@ -3,6 +3,7 @@
 mod sources;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use sample::{Event, Health, LogTime, Parameters};
 use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset};
@@ -10,7 +11,7 @@ use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, T
 use crate::frame::{Frame, Thinning};
 use crate::options::Options;
 use crate::{Error, Progress};
-pub use sources::{SourceRates, local_m};
+pub use sources::{SourceRates, local_m, place_of};
 
 /// Topics whose messages are read one by one; they are few.
 const RECORDS: [&str; 7] = [
@@ -35,7 +36,7 @@ const SENSORS: [&str; 9] = [
     "/attitude",
 ];
 /// Rows of a table that are in memory before they become columns.
-const BATCH_ROWS: usize = 4096;
+const BATCH_ROWS: usize = 1024;
 /// Stretches of an envelope in which the samples of a source are counted: a second in a short drive.
 const RATE_STRETCHES: f64 = 10.0;
 /// Time before and after an event that `--around` shows, s.
@@ -401,7 +402,36 @@ impl Drive {
     }
 
     fn finish(&mut self) {
-        let own = [
+        self.frames().into_iter().for_each(Frame::finish);
+        self.sensors.values_mut().for_each(Frame::finish);
+        self.travel.values_mut().for_each(Frame::finish);
+        self.share_times();
+        for (truth, own) in [
+            (&mut self.truth_motion, &self.motion),
+            (&mut self.truth_forces, &self.forces),
+        ] {
+            if !own.is_empty() {
+                *truth = std::mem::take(truth).on(&own.time_s);
+            }
+        }
+    }
+
+    /// Lets frames of the same instants share their times.
+    fn share_times(&mut self) {
+        let times = Arc::clone(&self.motion.time_s);
+        let share = |frame: &mut Frame| frame.share_times(&times);
+        self.frames().into_iter().for_each(share);
+        self.sensors.values_mut().for_each(share);
+    }
+
+    /// Frees the samples that figures and tables alone need, once these are made. The positions stay.
+    pub fn free_samples(&mut self) {
+        self.frames().into_iter().for_each(Frame::free);
+        self.travel.clear();
+    }
+
+    fn frames(&mut self) -> [&mut Frame; 7] {
+        [
             &mut self.motion,
             &mut self.forces,
             &mut self.model,
@@ -409,35 +439,7 @@ impl Drive {
             &mut self.truth_forces,
             &mut self.ground,
             &mut self.rollover,
-        ];
-        own.into_iter().for_each(Frame::finish);
-        self.sensors.values_mut().for_each(Frame::finish);
-        self.travel.values_mut().for_each(Frame::finish);
-        let grid = &self.motion.time_s;
-        if !grid.is_empty() && self.truth_motion.time_s != *grid {
-            self.truth_motion = self.truth_motion.on(grid);
-        }
-        let grid = &self.forces.time_s;
-        if !grid.is_empty() && self.truth_forces.time_s != *grid {
-            self.truth_forces = self.truth_forces.on(grid);
-        }
-        self.share_times();
-    }
-
-    /// Lets frames of the same instants share their times.
-    fn share_times(&mut self) {
-        let motion = &self.motion;
-        let others = [
-            &mut self.forces,
-            &mut self.model,
-            &mut self.truth_motion,
-            &mut self.truth_forces,
-            &mut self.ground,
-            &mut self.rollover,
-        ];
-        for frame in others.into_iter().chain(self.sensors.values_mut()) {
-            frame.share_times(motion);
-        }
+        ]
     }
 
     /// Positions of the receiver with the most of them, and longitude and latitude of its first one, rad.

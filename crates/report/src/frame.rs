@@ -173,9 +173,9 @@ impl Frame {
     }
 
     /// Shares the times of another frame if they are the same.
-    pub fn share_times(&mut self, other: &Self) {
-        if self.time_s == other.time_s {
-            self.time_s = Arc::clone(&other.time_s);
+    pub fn share_times(&mut self, times: &Arc<Vec<f64>>) {
+        if self.time_s == *times {
+            self.time_s = Arc::clone(times);
         }
     }
 
@@ -304,18 +304,28 @@ impl Frame {
         self.columns.insert(name.into(), values);
     }
 
+    /// Frees the samples. Their number stays known.
+    pub fn free(&mut self) {
+        *self = Self {
+            samples: self.samples,
+            thinning: self.thinning,
+            ..Self::default()
+        };
+    }
+
     /// The columns at the times of `grid`: by a straight line between neighbours that are at most
     /// [`GAP_S`] apart, else NaN.
-    pub fn on(&self, grid: &[f64]) -> Self {
-        if **self.time_s == *grid {
-            return self.clone();
+    pub fn on(mut self, grid: &Arc<Vec<f64>>) -> Self {
+        if self.time_s == *grid {
+            return self;
         }
         let weights = weights(&self.time_s, grid);
         let mut all = Self {
-            time_s: Arc::new(grid.to_vec()),
+            time_s: Arc::clone(grid),
             ..Self::default()
         };
-        for (name, values) in &self.columns {
+        // One column after the other, so that memory for one more is enough.
+        while let Some((name, values)) = self.columns.pop_first() {
             let at = weights.iter().map(|(index, part)| {
                 if *index == usize::MAX {
                     return f32::NAN;
@@ -326,7 +336,7 @@ impl Frame {
                     part => values[*index] + part * (next - values[*index]),
                 }
             });
-            all.columns.insert(name.clone(), at.collect());
+            all.columns.insert(name, at.collect());
         }
         all
     }
@@ -473,7 +483,9 @@ mod tests {
             ..Frame::default()
         };
         frame.set("a", vec![0.0, 1.0, 2.0, 3.0]);
-        let on = frame.on(&[-1.0, 0.0, 0.05, 0.1, 2.0, 5.1, 6.0]);
+        let on = frame
+            .clone()
+            .on(&Arc::new(vec![-1.0, 0.0, 0.05, 0.1, 2.0, 5.1, 6.0]));
         let found: Vec<String> = on
             .get("a")
             .unwrap()

@@ -22,6 +22,7 @@ mod plot;
 mod reference;
 pub mod score;
 mod summary;
+mod tiles;
 
 use std::path::PathBuf;
 
@@ -33,6 +34,7 @@ pub use drive::events;
 pub use options::{Gate, Gates, Options, Quantity, Units};
 pub use picture::{Picture, PictureError};
 pub use plot::{Data, Figure, Kind, Panel, Pen, Trace};
+pub use tiles::{Area, TileFile, TilesError};
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -74,8 +76,11 @@ pub enum Error {
     )]
     NotSmoothed,
     /// The picture below the track cannot be used.
-    #[error("the picture of the ground cannot be used: {0}")]
+    #[error("the picture of the ground cannot be used")]
     Picture(#[from] PictureError),
+    /// The tiles below the track cannot be used.
+    #[error("the tiles of the ground cannot be used")]
+    Tiles(#[from] TilesError),
     /// Two runs have nothing to compare.
     #[error(
         "the log of --against has no estimated motion to compare with; use a log with estimates"
@@ -141,6 +146,8 @@ pub fn report(
         options,
         &mut blob,
     );
+    drop(reference);
+    drive.free_samples();
     let content = page::Content {
         drive: &drive,
         options,

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::picture::Picture;
+use crate::tiles::TileFile;
 
 /// Settings of a report.
 #[derive(Clone, Debug, Default)]
@@ -29,6 +30,8 @@ pub struct Options {
     pub over_distance: bool,
     /// A picture below the track.
     pub picture: Option<Picture>,
+    /// Tiles of a map below the track.
+    pub tiles: Option<TileFile>,
     /// Lines with what was not estimated, and why.
     pub limits: Vec<String>,
 }

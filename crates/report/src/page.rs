@@ -13,14 +13,15 @@ use sample::text::{html, json_in_html};
 use serde_json::{Value, json};
 use store::Attachment;
 
+use crate::Error;
 use crate::blob::Blob;
 use crate::drive::Drive;
 use crate::figures::Figures;
 use crate::laps::Laps;
 use crate::options::{Options, Quantity};
-use crate::picture::PictureError;
 use crate::plot::Figure;
 use crate::summary::Summary;
+use crate::tiles::Area;
 
 /// Larger attachments become files beside the page, bytes.
 const ATTACHMENT_MAX: usize = 1_000_000;
@@ -59,8 +60,8 @@ pub struct Content<'a> {
 /// The whole report.
 ///
 /// # Errors
-/// If the picture of the ground is not near the track.
-pub fn render(content: &Content<'_>, mut blob: Blob) -> Result<String, PictureError> {
+/// If the picture or the tiles of the ground are not near the track.
+pub fn render(content: &Content<'_>, mut blob: Blob) -> Result<String, Error> {
     let Content {
         drive,
         options,
@@ -95,21 +96,32 @@ pub fn render(content: &Content<'_>, mut blob: Blob) -> Result<String, PictureEr
     );
     let drawn: Vec<Value> = figures.all.iter().map(|f| f.to_json(&mut blob)).collect();
     let colours = figures.colours.iter().filter_map(|c| c.to_json(&mut blob));
-    let unit = options.units.of(Quantity::Length).0;
-    let picture = match (&options.picture, drive.positions()) {
-        (Some(picture), Some((_, origin))) => Some(picture.to_json(origin, unit)?),
-        _ => None,
-    };
     let data = json!({
         "figures": drawn,
         "colours": colours.collect::<Vec<_>>(),
         "distance": figures.distance.map(|ids| ids.map(crate::blob::Id::json)),
         "over_distance": options.over_distance,
-        "picture": picture,
+        "pictures": pictures(drive, options)?,
         "span": drive.span_s,
         "lines": events::lines(drive, summary, content.laps),
     });
     Ok(document(&title(drive), &body, data, blob))
+}
+
+/// Tiles and picture below the track; the picture is above the tiles.
+fn pictures(drive: &Drive, options: &Options) -> Result<Vec<Value>, Error> {
+    let Some((positions, origin)) = drive.positions() else {
+        return Ok(Vec::new());
+    };
+    let unit = options.units.of(Quantity::Length).0;
+    let mut all = Vec::new();
+    if let (Some(tiles), Some(area)) = (&options.tiles, Area::around(positions, origin)) {
+        all = tiles.to_json(&area, origin, unit)?;
+    }
+    if let Some(picture) = &options.picture {
+        all.push(picture.to_json(origin, unit)?);
+    }
+    Ok(all)
 }
 
 /// A page with figures.

@@ -10,6 +10,8 @@ use crate::drive::local_m;
 const BYTES_MAX: usize = 20_000_000;
 /// Radius of the sphere of the Web Mercator projection, m.
 const MERCATOR_RADIUS_M: f64 = 6_378_137.0;
+/// Media type of tiles alone.
+const WEBP: &str = "image/webp";
 /// A picture that begins farther from the track is in other coordinates, m.
 const FAR_M: f64 = 100_000.0;
 
@@ -64,13 +66,8 @@ impl Picture {
     /// # Errors
     /// If the picture is no PNG or JPEG, is too large, or the world file has no six numbers.
     pub fn new(image: Vec<u8>, world: &str) -> Result<Self, PictureError> {
-        let media_type = if image.starts_with(b"\x89PNG\r\n\x1a\n") {
-            "image/png"
-        } else if image.starts_with(&[0xff, 0xd8, 0xff]) {
-            "image/jpeg"
-        } else {
-            return Err(PictureError::Format);
-        };
+        let media_type = media_type(&image).filter(|found| *found != WEBP);
+        let media_type = media_type.ok_or(PictureError::Format)?;
         if image.len() > BYTES_MAX {
             let bytes = image.len();
             return Err(PictureError::Size { bytes });
@@ -118,6 +115,30 @@ impl Picture {
             "src": format!("data:{};base64,{}", self.media_type, STANDARD.encode(&self.image)),
             "at": place.map(|metres| metres * unit),
         }))
+    }
+}
+
+/// Media type of a picture by its first bytes; `None` if a browser may not show it.
+pub(crate) fn media_type(image: &[u8]) -> Option<&'static str> {
+    match image {
+        [0x89, b'P', b'N', b'G', b'\r', b'\n', 0x1a, b'\n', ..] => Some("image/png"),
+        [0xff, 0xd8, 0xff, ..] => Some("image/jpeg"),
+        [
+            b'R',
+            b'I',
+            b'F',
+            b'F',
+            _,
+            _,
+            _,
+            _,
+            b'W',
+            b'E',
+            b'B',
+            b'P',
+            ..,
+        ] => Some(WEBP),
+        _ => None,
     }
 }
 

@@ -1,5 +1,7 @@
 //! What the estimates are drawn beside: the truth of the log, or another run.
 
+use std::sync::Arc;
+
 use store::Reader;
 
 use crate::drive::Drive;
@@ -78,7 +80,7 @@ fn by_distance(drive: &Drive, mut other: Drive) -> (Frame, Frame) {
         };
         grid.iter().map(at).collect()
     };
-    let times = [&drive.motion.time_s, &drive.forces.time_s].map(|grid| instants(grid));
+    let times = [&drive.motion.time_s, &drive.forces.time_s].map(|grid| Arc::new(instants(grid)));
     let mut motion = std::mem::take(&mut other.motion).on(&times[0]);
     let mut forces = std::mem::take(&mut other.forces).on(&times[1]);
     motion.time_s.clone_from(&drive.motion.time_s);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use engine::output::{Kind, Target};
 use engine::{Config, scope};
-use report::{Gates, Options, Picture, Report, Units};
+use report::{Gates, Options, Picture, Report, TileFile, Units};
 use store::Reader;
 
 use crate::cli::{Axis, ReportArgs, UnitSystem};
@@ -35,6 +35,7 @@ pub fn run(args: &ReportArgs, quiet: bool) -> anyhow::Result<Outcome> {
         },
         over_distance: args.axis == Axis::Distance,
         picture: args.map.as_deref().map(picture).transpose()?,
+        tiles: args.tiles.as_deref().map(tiles).transpose()?,
         limits: limits(&args.logs)?,
     };
     if args.json {
@@ -121,6 +122,10 @@ fn write_files(found: &Report, directory: &Path, force: bool) -> anyhow::Result<
         })?;
     }
     Ok(())
+}
+
+fn tiles(path: &Path) -> anyhow::Result<TileFile> {
+    Ok(TileFile::open(path).map_err(report::Error::from)?)
 }
 
 /// Extensions of a world file. Programs that write maps put it beside the picture.

@@ -60,6 +60,40 @@ fn the_live_process_says_why_it_cannot_listen() {
     );
 }
 
+/// The certificate in `testdata/tls` expired on 2021-01-02. Its key is in the same file.
+#[test]
+fn an_expired_certificate_is_named_with_its_date_and_the_server_starts() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let pem = project.join("testdata/tls/expired.pem");
+    std::fs::copy(pem, here.join("vehicle.pem")).expect("copied");
+    let table = "[live]\ncertificate = \"vehicle.pem\"\nkey = \"vehicle.pem\"\n";
+    std::fs::write(here.join("atvrec.toml"), format!("{CONFIG}{table}")).expect("written");
+    let mut live = Command::new(env!("CARGO_BIN_EXE_atvrec"))
+        .args(["live", "--config", "atvrec.toml", "--listen", "127.0.0.1:0"])
+        .current_dir(here)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut lines = BufReader::new(live.stdout.take().expect("piped")).lines();
+    let first = lines.next().expect("a line").expect("text");
+    let _ = live.kill();
+    let mut told = String::new();
+    let mut errors = live.stderr.take().expect("piped");
+    errors.read_to_string(&mut told).expect("text");
+    let _ = live.wait();
+    assert!(first.contains("https://127.0.0.1:"), "{first}");
+    for text in [
+        "vehicle.pem expired on 2021-01-02 03:04 UTC",
+        "replace live.certificate",
+        "set the clock",
+    ] {
+        assert!(told.contains(text), "{told}");
+    }
+}
+
 #[test]
 fn an_output_that_is_down_is_reported_and_the_recorder_records() {
     let directory = tempfile::tempdir().expect("a directory");

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use model::file::{ErrorCollector, Field, Section};
+use sample::CanFrame;
 
 use super::source::{Meaning, Source};
 
@@ -32,6 +33,14 @@ pub struct CanOutput {
     pub first_id: u32,
     /// Identifiers of 29 bits.
     pub extended: bool,
+}
+
+impl CanOutput {
+    /// Whether a frame has an identifier of this output.
+    pub fn has(&self, frame: &CanFrame) -> bool {
+        let ids = self.first_id..self.first_id + FRAMES;
+        frame.flags.extended == self.extended && ids.contains(&frame.id)
+    }
 }
 
 /// Port of the frames.

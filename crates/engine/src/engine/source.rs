@@ -187,6 +187,7 @@ impl SourceState {
                 self.bytes += bytes.len() as u64;
                 self.decode(log_time, log_time, Some(bytes), sink);
             }
+            Payload::Can(frames) if frames.is_empty() => {}
             Payload::Can(frames) => self.push_frames(arrival, frames, sink),
             Payload::Notice(notice) => {
                 if let (Notice::Closed(_), Some(last)) = (notice, self.last_data) {

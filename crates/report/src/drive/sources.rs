@@ -69,6 +69,14 @@ pub fn local_m([longitude, latitude]: [f64; 2], origin: [f64; 2]) -> [f64; 2] {
     ]
 }
 
+/// Longitude and latitude of a place in metres east and north of another one, rad.
+pub fn place_of([east_m, north_m]: [f64; 2], origin: [f64; 2]) -> [f64; 2] {
+    [
+        origin[0] + east_m / (math::cos(origin[1]) * MEAN_RADIUS_M),
+        origin[1] + north_m / MEAN_RADIUS_M,
+    ]
+}
+
 /// Replaces geographic positions by metres east and north of the first one that the receiver solved,
 /// which 32 bits can hold. Positions that are not solved become NaN.
 pub fn to_local(table: &mut Table, origin: &mut Option<[f64; 2]>) {

@@ -36,15 +36,80 @@ fn a_drive_on_socketcan_is_recorded_frame_by_frame_and_replays_here() {
     let frames = peer["vcan1"].iter();
     let frames = frames.map(|frame| (*frame, frame.kernel_ns.expect("candump's stamp")));
     assert_output(&logs, &frames.collect::<Vec<_>>());
+    assert_verified(&logs);
+}
+
+fn assert_verified(logs: &[PathBuf]) {
     let verified = Command::new(atvrec())
         .args(["replay", "--verify"])
-        .args(&logs)
+        .args(logs)
         .current_dir(project())
         .status();
     assert!(
         verified.expect("the replay starts").success(),
         "the guest's log replays bit by bit on this machine"
     );
+}
+
+/// With `share = true`, the log has each frame of the interface once, in the order of the bus, the recorder's
+/// own among them. Own frames are no data of the bus: without the vehicle, estimates end after 1 s, as on an
+/// interface that is not shared.
+#[test]
+fn output_on_a_shared_interface_is_recorded_once_and_is_no_data() {
+    let out = boot("share", &[]);
+    let logs = logs_in(&out.join("logs"));
+    let ours = recorded(&logs);
+    let ours = without_errors(&ours["can0"]);
+    let all = &seen_by_candump(&out.join("candump.log"))["vcan0"];
+    // Two sockets can get frames that two programs send at the same time in different orders.
+    let [own, of_vehicle] = [true, false].map(|is_own| {
+        let of = |frame: &&CanFrame| is_output(frame) == is_own;
+        let ours: Vec<CanFrame> = ours.iter().copied().filter(of).copied().collect();
+        let peer: Vec<CanFrame> = all.iter().filter(of).copied().collect();
+        assert_same(&peer, &ours);
+        ours
+    });
+    assert!(own.iter().all(|frame| frame.flags.local_echo));
+    let own = own
+        .iter()
+        .map(|frame| (*frame, frame.kernel_ns.expect("a stamp")));
+    assert_output(&logs, &own.collect::<Vec<_>>());
+
+    let reports = atvrec_tests::health_reports(&logs);
+    let last = reports.last().expect("a report");
+    let bus = last.sources.iter().find(|source| source.name == "can0");
+    let bus = bus.expect("the bus");
+    assert_eq!(
+        bus.messages,
+        of_vehicle.len() as u64,
+        "own frames do not count"
+    );
+    assert!(bus.silent, "the bus is silent after the drive");
+    let reader = Reader::open(&logs).expect("a log");
+    let last_estimate = reader.estimates().last().expect("estimates").expect("read");
+    let silence_s = last.time.seconds_since(last_estimate.time);
+    assert!(
+        silence_s > 1.0,
+        "estimates end after the drive: {silence_s}"
+    );
+    assert_verified(&logs);
+}
+
+/// Candump was there before the recorder and ended after it.
+fn assert_same(peer: &[CanFrame], ours: &[CanFrame]) {
+    let key = |frame: &CanFrame| (frame.id, frame.kernel_ns.map(|ns| ns / 1000));
+    let begin = peer.iter().position(|frame| key(frame) == key(&ours[0]));
+    let peer = &peer[begin.expect("the first frame of the log")..];
+    assert!(peer.len() >= ours.len(), "{} {}", peer.len(), ours.len());
+    for (index, (seen, recorded)) in peer.iter().zip(ours).enumerate() {
+        assert_eq!(key(recorded), key(seen), "frame {index}");
+        assert_eq!(recorded.bytes(), seen.bytes(), "frame {index}");
+    }
+}
+
+/// Whether a frame is one of the recorder.
+fn is_output(frame: &CanFrame) -> bool {
+    (0x500..0x500 + FRAMES as u32).contains(&frame.id)
 }
 
 /// The frames of `output.can` on SocketCAN are the estimates of the log. The emulated processor is slow,
