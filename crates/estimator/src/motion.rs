@@ -398,10 +398,18 @@ impl MotionFilter {
             (force, rate)
         };
         let density = settings.interval_s.max(1e-4).sqrt();
-        let noise = [
-            settings.accel_sigma_m_s2 * density,
-            settings.gyro_sigma_rad_s * density,
-        ];
+        // Between the readings beside a gap, the motion is as unknown as while the unit is silent.
+        let is_gap = gap_s > t.gap_intervals * settings.interval_s || self.imu_time.is_none();
+        let noise = if is_gap {
+            // What is wrong after a gap comes from the gap: it is no sign of a jump.
+            self.jumps = Jumps::new(t.jumps);
+            [t.coast_accel_density, t.coast_rate_density]
+        } else {
+            [
+                settings.accel_sigma_m_s2 * density,
+                settings.gyro_sigma_rad_s * density,
+            ]
+        };
         self.propagate(gap_s, mean_force, mean_rate, noise);
         self.add_replaced_noise(gap_s, replaced_density);
         self.begin(time, force, rate);

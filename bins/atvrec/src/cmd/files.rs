@@ -11,6 +11,7 @@ use sample::text::printable;
 
 use crate::cli::{CheckFilesArgs, DrawArgs, SensorsCommand, ShowArgs, VehicleCommand};
 use crate::exit::{Outcome, UsageError};
+use crate::messages;
 
 /// A kind of file that has built-in examples.
 struct Files {
@@ -115,7 +116,7 @@ fn check(
                 }
             }
             Err(error) => {
-                tracing::error!("{error:#}");
+                messages::failed(&error);
                 outcome = Outcome::Failed;
             }
         }

@@ -15,6 +15,7 @@ mod controllers;
 mod demo;
 mod estimate;
 mod export;
+mod files;
 mod folder;
 mod hostile;
 mod identify;

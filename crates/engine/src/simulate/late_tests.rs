@@ -19,6 +19,8 @@ enum Delay {
     /// What a port sends within 10 ms is late by a random time up to this, s, and arrives behind what it
     /// sent before.
     Jitter(&'static [Port], f64),
+    /// Each port stalls by itself: on average every `every_s`, for 20 ms to `longest_s`.
+    Overload { every_s: f64, longest_s: f64 },
     /// Every `every_s`, for the first time after it, nothing of these ports arrives for `for_s`.
     Stall {
         ports: &'static [Port],
@@ -83,6 +85,7 @@ fn arrivals(
         delay,
         random: math::Random::new(7),
         cycles: BTreeMap::new(),
+        stalls: BTreeMap::new(),
         last: BTreeMap::new(),
     };
     for emission in simulated.vehicle.by_ref() {
@@ -124,6 +127,8 @@ struct Late {
     random: math::Random,
     /// Number of the last 10 ms of each port, and their delay, s.
     cycles: BTreeMap<Port, (u64, f64)>,
+    /// Begin and end of the present or next stall of each port, s.
+    stalls: BTreeMap<Port, [f64; 2]>,
     /// Last arrival of each port, s.
     last: BTreeMap<Port, f64>,
 }
@@ -138,6 +143,21 @@ impl Late {
                     *known = (cycle, self.random.between(0.0, most_s));
                 }
                 sent_s + known.1
+            }
+            Delay::Overload { every_s, longest_s } => {
+                let random = &mut self.random;
+                let mut after = |end_s: f64| {
+                    let begin_s = end_s + random.between(0.0, 2.0 * every_s);
+                    [begin_s, begin_s + random.between(0.02, longest_s)]
+                };
+                let stall = self.stalls.entry(port).or_insert_with(|| after(2.0));
+                while stall[1] < sent_s {
+                    *stall = after(stall[1]);
+                }
+                match stall[0] <= sent_s {
+                    true => stall[1],
+                    false => sent_s,
+                }
             }
             Delay::Stall {
                 ports,
@@ -406,6 +426,22 @@ fn stalls_from_the_start_are_no_fault() {
         let found = run(&turning, delay, Stamps::Adapter);
         println!("{delay:?}: {:.2?} {:?}", found.errors, found.late);
         assert_eq!(found.faults, Vec::<String>::new(), "{delay:?}");
+    }
+}
+
+/// On an overloaded machine, the programs of the ports stall by themselves. Messages that are later than
+/// 100 ms are missing, and make no sensor faulty.
+#[test]
+fn messages_that_are_missing_for_lateness_are_no_fault() {
+    for (every_s, longest_s) in [(2.0, 0.25), (1.0, 0.3)] {
+        for seed in [11, 12] {
+            let delay = Delay::Overload { every_s, longest_s };
+            let level = drive(None, "thesis-10bit", seed, 60.0);
+            let found = run(&level, delay, Stamps::Kernel);
+            println!("{delay:?} {seed}: {:.2?} {:?}", found.errors, found.late);
+            assert_eq!(found.faults, Vec::<String>::new(), "{delay:?}, seed {seed}");
+            assert!(found.late[1] > 1000, "{:?}", found.late);
+        }
     }
 }
 

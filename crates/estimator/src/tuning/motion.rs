@@ -9,6 +9,9 @@ tuning! {
         gate_sigma: f64 = 5.0, "σ";
         /// Silence of the inertial unit after which the state is propagated without it.
         silence_s: f64 = 0.04, "s";
+        /// Interval between two readings of the inertial unit that is a gap, for its interval. Over a gap, the
+        /// motion is as unknown as while the unit is silent.
+        gap_intervals: f64 = 2.5, "1";
         /// Density of unknown acceleration while the inertial unit is silent.
         coast_accel_density: f64 = 2.0, "m/s²/√Hz";
         /// Density of unknown angular rate while the inertial unit is silent.

@@ -1,0 +1,67 @@
+//! `atvrec vehicle` and `atvrec sensors` as a user types them.
+
+use std::fs;
+
+use crate::support::{atvrec, stderr, stdout};
+
+/// A built-in file is a template: it is printed, changed, checked and drawn.
+#[test]
+fn a_template_is_printed_changed_checked_and_drawn() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let list = stdout(&atvrec(here).args(["vehicle", "show"]).assert().success());
+    assert!(list.contains("prowler-chang"), "{list}");
+    let text = stdout(
+        &atvrec(here)
+            .args(["vehicle", "show", "prowler"])
+            .assert()
+            .success(),
+    );
+    let odd = text.replacen("stiffness_n_m = 65000.0", "stiffness_n_m = 65.0", 1);
+    assert_ne!(odd, text);
+    fs::write(here.join("own.toml"), odd).expect("written");
+    let checked = atvrec(here)
+        .args(["vehicle", "check", "own.toml", "prowler"])
+        .assert()
+        .success();
+    let checked = stdout(&checked);
+    assert!(
+        checked.contains("front.strut.stiffness_n_m: 65 N/m")
+            && checked.contains("probably in N/mm"),
+        "{checked}"
+    );
+    let draw = ["vehicle", "draw", "own.toml", "-o", "own.svg"];
+    atvrec(here).args(draw).assert().success();
+    let drawing = fs::read_to_string(here.join("own.svg")).expect("a drawing");
+    assert!(drawing.starts_with("<svg") && drawing.contains("lower_ball_m"));
+    let again = atvrec(here).args(draw).assert().code(2);
+    assert!(
+        stderr(&again).contains("exists already"),
+        "{}",
+        stderr(&again)
+    );
+}
+
+#[test]
+fn wrong_names_files_and_linkages_are_refused_by_name() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let message =
+        |arguments: &[&str], code: i32| stderr(&atvrec(here).args(arguments).assert().code(code));
+    let unknown = message(&["sensors", "show", "thesis"], 2);
+    assert!(unknown.contains("thesis-10bit"), "{unknown}");
+    fs::write(
+        here.join("bad.toml"),
+        "name = \"x\"\n[strain]\nrate_hz = -1\n",
+    )
+    .expect("written");
+    let bad = message(&["sensors", "check", "bad.toml", "thesis-10bit"], 1);
+    assert!(bad.contains("strain.rate_hz = -1"), "{bad}");
+    fs::write(
+        here.join("car.toml"),
+        "[body]\nmass_kg = 1500\nfront_axle_to_cg_m = 1.2\ncg_to_rear_axle_m = 1.5\n",
+    )
+    .expect("written");
+    let car = message(&["vehicle", "draw", "car.toml"], 1);
+    assert!(car.contains("no hard-points"), "{car}");
+}
