@@ -10,9 +10,11 @@ use std::io::{ErrorKind, Write};
 use std::os::fd::AsFd;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::Receiver;
 
 use store::{ACTIVE_SUFFIX, Options, Session, Writer};
 
+use crate::behind::Behind;
 use crate::{Entry, Error, Result};
 
 /// Cause of a failed write.
@@ -355,7 +357,7 @@ impl Target {
         self.remove_unfinished(&active)?;
         let writer = Writer::create(&self.resolved, session, options, 0)?;
         Ok(LogFile {
-            writer: Some(writer),
+            writing: Some(Behind::start(|entries| write(writer, entries))),
             active,
             force: self.force,
         })
@@ -446,10 +448,11 @@ impl Drop for PartialFile {
     }
 }
 
-/// A log that is being written; removed when it is dropped before it is finished.
+/// A log that is being written on a thread of its own; removed when it is dropped before it is
+/// finished.
 pub struct LogFile {
     /// `None` after the log is finished.
-    writer: Option<Writer>,
+    writing: Option<Behind<Entry, Result<Writer>>>,
     active: PathBuf,
     force: bool,
 }
@@ -458,17 +461,17 @@ impl LogFile {
     /// Appends an entry to the log.
     ///
     /// # Errors
-    /// If the disk fails.
+    /// If the disk fails, for this entry or for earlier ones.
     pub fn push(&mut self, entry: Entry) -> Result<()> {
-        let writer = self
-            .writer
-            .as_mut()
-            .expect("only `finish` takes the writer, and it consumes the log");
-        match entry {
-            Entry::Arrival(arrival) => writer.push(arrival)?,
-            Entry::Record(record) => writer.record(&record),
+        let writing = self.writing.as_mut();
+        let writing = writing.expect("only `finish` takes it, and it consumes the log");
+        if writing.push(entry) {
+            return Ok(());
         }
-        Ok(())
+        match writing.finish() {
+            Some(Err(error)) => Err(error),
+            Some(Ok(_)) | None => Err(Error::LogClosed(self.active.clone())),
+        }
     }
 
     /// Closes the log and renames it to the target.
@@ -477,16 +480,19 @@ impl LogFile {
     /// If the disk fails, or if a file of that name was created meanwhile and `force` is not set. The
     /// log is removed then.
     pub fn finish(mut self) -> Result<store::Finished> {
-        let writer = self.writer.take().expect("`finish` consumes the log");
-        let finished = if self.force {
-            writer.finish_replacing()
-        } else {
-            writer.finish()
-        };
+        let mut writing = self.writing.take().expect("`finish` consumes the log");
+        let written = (writing.finish()).unwrap_or(Err(Error::LogClosed(self.active.clone())));
+        let finished = written.and_then(|writer| {
+            Ok(if self.force {
+                writer.finish_replacing()?
+            } else {
+                writer.finish()?
+            })
+        });
         if finished.is_err() {
             self.remove();
         }
-        Ok(finished?)
+        finished
     }
 
     fn remove(&self) {
@@ -495,9 +501,20 @@ impl LogFile {
     }
 }
 
+fn write(mut writer: Writer, entries: Receiver<Vec<Entry>>) -> Result<Writer> {
+    for entry in entries.into_iter().flatten() {
+        match entry {
+            Entry::Arrival(arrival) => writer.push(arrival)?,
+            Entry::Record(record) => writer.record(&record),
+        }
+    }
+    Ok(writer)
+}
+
 impl Drop for LogFile {
     fn drop(&mut self) {
-        if self.writer.take().is_some() {
+        // The thread ends before the file is removed.
+        if self.writing.take().is_some() {
             self.remove();
         }
     }

@@ -253,9 +253,9 @@ fn measurement(reading: &Reading, format: &Format) -> Measurement {
     Measurement::Control(ControlSample {
         values: named()
             .map(|(field, value)| Signal {
-                name: field.name.clone(),
+                name: field.name.as_str().into(),
                 value: *value,
-                unit: field.unit.clone(),
+                unit: field.unit.as_str().into(),
             })
             .collect(),
     })

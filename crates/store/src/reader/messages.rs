@@ -385,9 +385,9 @@ pub(super) fn record(message: MessageRef<'_>) -> Result<Option<Record>> {
         } else {
             let name = channel.topic.rsplit('/').next().unwrap_or_default();
             let id = channel.metadata.get("can_id");
-            let of_frame = signals.iter().find(|signal| signal.name == CAN_ID);
+            let of_frame = signals.iter().find(|signal| &*signal.name == CAN_ID);
             Measurement::Signals(SignalFrame {
-                message: name.to_owned(),
+                message: name.into(),
                 id: match (id, of_frame) {
                     (None, Some(signal)) => signal.value as u32,
                     (id, _) => id.and_then(|id| id.parse().ok()).unwrap_or_default(),

@@ -283,9 +283,9 @@ fn parameters(time: LogTime) -> Parameters {
 
 fn measurements(time: LogTime) -> Vec<Record> {
     let signal = |name: &str, value, unit: &str| Signal {
-        name: name.to_owned(),
+        name: name.into(),
         value,
-        unit: unit.to_owned(),
+        unit: unit.into(),
     };
     let corner = |strain, deflection| CornerSample {
         wheel: Wheel::RearLeft,
@@ -415,7 +415,7 @@ fn measurements(time: LogTime) -> Vec<Record> {
             1,
             time,
             Measurement::Signals(SignalFrame {
-                message: "StrainFL".to_owned(),
+                message: "StrainFL".into(),
                 id: 0x100,
                 signals: vec![signal("upper_rear", 511.0, "count")],
             }),
