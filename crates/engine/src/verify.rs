@@ -182,7 +182,10 @@ impl Verification {
     }
 
     fn count(&mut self, topic: &str) {
-        *self.compared.entry(topic.to_owned()).or_default() += 1;
+        match self.compared.get_mut(topic) {
+            Some(count) => *count += 1,
+            None => drop(self.compared.insert(topic.to_owned(), 1)),
+        }
     }
 
     fn sum(counts: &BTreeMap<String, u64>) -> u64 {

@@ -13,6 +13,9 @@ use crate::schema;
 /// Schemas of the last states, which the next file of a run repeats.
 pub(crate) const LATCHED: [&str; 3] = ["atvrec.ClockFit", "atvrec.Health", "atvrec.UtcOffset"];
 
+/// Bytes of most messages.
+const MESSAGE_BYTES: usize = 256;
+
 /// A channel.
 pub(crate) struct Channel {
     pub topic: Arc<str>,
@@ -213,7 +216,7 @@ impl Channels {
 impl Channel {
     /// A message of this channel, encoded.
     pub(crate) fn encoded(&self, message: &Outgoing<'_>) -> Encoded {
-        let mut data = Vec::new();
+        let mut data = Vec::with_capacity(MESSAGE_BYTES);
         message.body.encode(&mut data);
         Encoded {
             topic: Arc::clone(&self.topic),

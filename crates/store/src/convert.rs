@@ -392,10 +392,10 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         "atvrec.Motion" => Record::Motion {
             time,
             stage,
-            motion: match direct::motion(data) {
+            motion: Box::new(match direct::motion(data) {
                 Some(motion) => motion,
                 None => motion_from_proto(&pb::Motion::decode(data)?),
-            },
+            }),
         },
         "atvrec.TyreForces" => {
             let (frame, forces) = match direct::forces(data) {
@@ -406,7 +406,7 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
                 time,
                 stage,
                 frame,
-                forces,
+                forces: Box::new(forces),
             }
         }
         "atvrec.Rollover" => Record::Rollover {
@@ -415,7 +415,7 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         },
         "atvrec.Road" => Record::Road {
             stage,
-            road: road_from_proto(time, &pb::Road::decode(data)?),
+            road: Box::new(road_from_proto(time, &pb::Road::decode(data)?)),
         },
         "atvrec.Friction" => {
             let friction = pb::Friction::decode(data)?;
@@ -424,7 +424,7 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         }
         "atvrec.Ground" => Record::Ground {
             time,
-            ground: ground_from_proto(pb::Ground::decode(data)?),
+            ground: Box::new(ground_from_proto(pb::Ground::decode(data)?)),
         },
         "atvrec.Pose" => {
             let pose = pb::Pose::decode(data)?;

@@ -322,6 +322,8 @@ impl<W: Write> LogWriter<W> {
         let messages = self
             .encoder
             .encode_group(&self.session, &self.group, end, false);
+        // After an error it contains the group already.
+        self.chunk.clear();
         for message in &messages {
             self.write(message)?;
         }

@@ -305,7 +305,7 @@ mod tests {
         };
         let half_count = std::f64::consts::PI / 2000.0;
         assert!((control.values[0].value + 0.5).abs() <= half_count);
-        assert_eq!(control.values[0].unit, "rad");
+        assert_eq!(&*control.values[0].unit, "rad");
         assert_eq!(statistics.unknown, 1);
     }
 

@@ -587,13 +587,13 @@ mod tests {
             .collect();
         let value = |frame: &SignalFrame, name: &str| {
             let mut all = frame.signals.iter();
-            all.find(|signal| signal.name == name).map(|s| s.value)
+            all.find(|signal| *signal.name == *name).map(|s| s.value)
         };
         assert_eq!(signals.len(), 2, "{signals:?}");
-        assert_eq!(signals[0].message, "LONG");
+        assert_eq!(&*signals[0].message, "LONG");
         assert_eq!(value(signals[0], "late"), Some(f64::from(1 << 8 | 16)));
         assert_eq!(value(signals[0], "j1939_source_address"), Some(51.0));
-        assert_eq!(signals[1].message, DM1);
+        assert_eq!(&*signals[1].message, DM1);
         let expected = [
             ("lamp_amber_warning", 1.0),
             ("codes", 1.0),

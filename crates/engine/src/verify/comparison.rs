@@ -44,7 +44,7 @@ const DEPENDENCE_NANOS: i64 = NANOS_PER_SECOND;
 
 /// Compares two streams of messages by topic and time, in bounded memory.
 pub(super) struct Comparison {
-    recorded: std::iter::Peekable<MessageIter>,
+    recorded: MessageIter,
     waiting: HashMap<Arc<str>, BTreeMap<LogTime, Waiting>>,
     states: BTreeMap<String, Message>,
     /// Whether messages may be in the log twice, because a file after a failure repeats them.
@@ -90,7 +90,7 @@ impl Comparison {
             ..Verification::default()
         };
         Self {
-            recorded: reader.messages(Selection::topics(topics)).peekable(),
+            recorded: reader.messages(Selection::topics(topics)),
             waiting: HashMap::new(),
             states: BTreeMap::new(),
             may_repeat: info.files.len() > 1 || reader.was_recovered(),
@@ -133,16 +133,38 @@ impl Comparison {
         self.report.unfinished = true;
     }
 
-    /// Compares the messages of the arrival at `now`.
+    /// Compares the messages of the arrival at `now`. A log usually contains the messages in the order
+    /// in which they are computed: a message that is identical to the next one needs no search.
     pub(super) fn expect(&mut self, messages: Vec<Encoded>, now: LogTime) -> Result<()> {
-        for message in messages {
-            self.computed(message, now);
+        let mut computed = messages.into_iter().peekable();
+        loop {
+            while computed.next_if(|message| !self.takes(message)).is_some() {}
+            let Some(next) = self.recorded.next_ref_if(|time| time <= now) else {
+                break;
+            };
+            let next = next?;
+            let is_next = |message: &Encoded| {
+                *message.topic == *next.channel.topic
+                    && message.log_time == next.log_time
+                    && message.publish_time == next.publish_time
+                    && message.data == next.data
+            };
+            let is_state = REPEATED.contains(&&*next.channel.schema);
+            match computed.next_if(|message| !is_state && is_next(message)) {
+                Some(message) => {
+                    self.identical(&message.topic, message.log_time, &message.data, now);
+                }
+                None => {
+                    let next = next.to_message();
+                    for message in computed.by_ref() {
+                        self.computed(message, now);
+                    }
+                    self.recorded(next, now);
+                }
+            }
         }
-        while let Some(next) = self.recorded.next_if(|message| match message {
-            Ok(message) => message.log_time <= now,
-            Err(_) => true,
-        }) {
-            self.recorded(next?, now);
+        for message in computed {
+            self.computed(message, now);
         }
         if now >= self.settle_at {
             self.settle_at = LogTime(now.0.saturating_add(NANOS_PER_SECOND as u64));
@@ -159,16 +181,19 @@ impl Comparison {
         report.compared.retain(|topic, _| !is_estimated(topic));
     }
 
-    fn computed(&mut self, message: Encoded, now: LogTime) {
+    /// Whether a computed message is compared.
+    fn takes(&mut self, message: &Encoded) -> bool {
         if !self.lagged && !self.report.earlier_filter && message.topic.starts_with(LAGGED) {
             self.leave_out_estimates();
         }
-        if self.report.earlier_filter && is_estimated(&message.topic) {
-            return;
-        }
-        if message.topic.starts_with(SMOOTHED) && !self.smoothed
-            || self.absent.contains(&*message.topic)
-        {
+        let is_left_out = self.report.earlier_filter && is_estimated(&message.topic)
+            || message.topic.starts_with(SMOOTHED) && !self.smoothed
+            || self.absent.contains(&*message.topic);
+        !is_left_out
+    }
+
+    fn computed(&mut self, message: Encoded, now: LogTime) {
+        if !self.takes(&message) {
             return;
         }
         let values_alone = self.values_alone();
@@ -271,8 +296,9 @@ impl Comparison {
     /// Result after the last arrival.
     pub(super) fn finish(mut self) -> Result<Verification> {
         const END: LogTime = LogTime(u64::MAX);
-        while let Some(message) = self.recorded.next() {
-            self.recorded(message?, LogTime(0));
+        while let Some(message) = self.recorded.next_ref() {
+            let message = message?.to_message();
+            self.recorded(message, LogTime(0));
         }
         self.settle(END);
         Ok(self.report)
