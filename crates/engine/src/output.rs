@@ -4,18 +4,19 @@
 //! name beside its target while it is written, and is renamed in one step when it is complete and
 //! synced. A killed command leaves `NAME.partial-PID`, or `NAME.mcap.active` for a log.
 
+mod log_file;
+
 use std::error::Error as StdError;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
 use std::os::fd::AsFd;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::Receiver;
 
 use store::{ACTIVE_SUFFIX, Options, Session, Writer};
 
-use crate::behind::Behind;
-use crate::{Entry, Error, Result};
+use crate::{Error, Result};
+pub use log_file::LogFile;
 
 /// Cause of a failed write.
 pub type WriteError = Box<dyn StdError + Send + Sync>;
@@ -356,11 +357,7 @@ impl Target {
         let active = PathBuf::from(active);
         self.remove_unfinished(&active)?;
         let writer = Writer::create(&self.resolved, session, options, 0)?;
-        Ok(LogFile {
-            writing: Some(Behind::start(|entries| write(writer, entries))),
-            active,
-            force: self.force,
-        })
+        Ok(LogFile::start(writer, active, self.force))
     }
 
     /// Removes the unfinished log of a command that was killed, if `force` is set.
@@ -444,78 +441,6 @@ impl Drop for PartialFile {
         if let Some(path) = &self.path {
             // The first error is reported, not this one.
             let _ = std::fs::remove_file(path);
-        }
-    }
-}
-
-/// A log that is being written on a thread of its own; removed when it is dropped before it is
-/// finished.
-pub struct LogFile {
-    /// `None` after the log is finished.
-    writing: Option<Behind<Entry, Result<Writer>>>,
-    active: PathBuf,
-    force: bool,
-}
-
-impl LogFile {
-    /// Appends an entry to the log.
-    ///
-    /// # Errors
-    /// If the disk fails, for this entry or for earlier ones.
-    pub fn push(&mut self, entry: Entry) -> Result<()> {
-        let writing = self.writing.as_mut();
-        let writing = writing.expect("only `finish` takes it, and it consumes the log");
-        if writing.push(entry) {
-            return Ok(());
-        }
-        match writing.finish() {
-            Some(Err(error)) => Err(error),
-            Some(Ok(_)) | None => Err(Error::LogClosed(self.active.clone())),
-        }
-    }
-
-    /// Closes the log and renames it to the target.
-    ///
-    /// # Errors
-    /// If the disk fails, or if a file of that name was created meanwhile and `force` is not set. The
-    /// log is removed then.
-    pub fn finish(mut self) -> Result<store::Finished> {
-        let mut writing = self.writing.take().expect("`finish` consumes the log");
-        let written = (writing.finish()).unwrap_or(Err(Error::LogClosed(self.active.clone())));
-        let finished = written.and_then(|writer| {
-            Ok(if self.force {
-                writer.finish_replacing()?
-            } else {
-                writer.finish()?
-            })
-        });
-        if finished.is_err() {
-            self.remove();
-        }
-        finished
-    }
-
-    fn remove(&self) {
-        // The first error is reported, not this one.
-        let _ = std::fs::remove_file(&self.active);
-    }
-}
-
-fn write(mut writer: Writer, entries: Receiver<Vec<Entry>>) -> Result<Writer> {
-    for entry in entries.into_iter().flatten() {
-        match entry {
-            Entry::Arrival(arrival) => writer.push(arrival)?,
-            Entry::Record(record) => writer.record(&record),
-        }
-    }
-    Ok(writer)
-}
-
-impl Drop for LogFile {
-    fn drop(&mut self) {
-        // The thread ends before the file is removed.
-        if self.writing.take().is_some() {
-            self.remove();
         }
     }
 }

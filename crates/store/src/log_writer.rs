@@ -1,20 +1,21 @@
+mod filling;
 mod handover;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io::Write;
 
-use mcap::McapResult;
 use sample::{Arrival, LogTime};
 
-use crate::channels::{Channel, Channels, Outgoing};
-use crate::convert::{Body, Encoded};
+use crate::channels::Channels;
+use crate::convert::Encoded;
 use crate::counters::WriteCounters;
 use crate::dynamic::DynamicMessage;
-use crate::mcap_file::{Chunk, McapFile, Stamps};
+use crate::mcap_file::{Chunk, McapFile};
 use crate::proto::atvrec as pb;
 use crate::session::{COUNTERS_METADATA, RESERVED_TOPIC, RUN_METADATA, UTC_METADATA};
 use crate::{Error, Losses, Options, Record, Result, Session, raw};
 
+use filling::Filling;
 pub(crate) use handover::{Latched, Pending};
 
 /// Writes one log to a [`Write`]. It reads no clock: the same input gives the same bytes.
@@ -399,204 +400,5 @@ impl<W: Write> LogWriter<W> {
     }
 }
 
-/// A chunk of a file, which is being filled.
-struct Filling<'a, W> {
-    mcap: &'a mut McapFile<W>,
-    /// Channels for the journal, if there is one.
-    new: Option<&'a mut Vec<pb::JournalChannel>>,
-    chunk: &'a mut Chunk,
-}
-
-impl<W: Write> Filling<'_, W> {
-    /// Adds a message; its channel gets a number if it has none.
-    fn push(
-        &mut self,
-        channels: &mut Channels,
-        message: &Outgoing<'_>,
-        dynamic: &BTreeMap<String, DynamicMessage>,
-    ) -> McapResult<()> {
-        let channel = channels.get_mut(message.channel);
-        let id = match channel.id {
-            Some(id) => id,
-            None => self.begin_channel(channel, dynamic)?,
-        };
-        channel.messages = channel.messages.wrapping_add(1);
-        let stamps = Stamps {
-            channel: id,
-            sequence: channel.messages,
-            log_time: message.log_time.0,
-            publish_time: message.publish_time.0,
-        };
-        self.chunk.push(stamps, |out| message.body.encode(out));
-        Ok(())
-    }
-
-    fn push_encoded(
-        &mut self,
-        channels: &mut Channels,
-        message: &Encoded,
-        dynamic: &BTreeMap<String, DynamicMessage>,
-    ) -> McapResult<()> {
-        let outgoing = Outgoing {
-            channel: channels.of(message),
-            log_time: message.log_time,
-            publish_time: message.publish_time,
-            body: &Bytes(&message.data),
-        };
-        self.push(channels, &outgoing, dynamic)
-    }
-
-    fn begin_channel(
-        &mut self,
-        channel: &mut Channel,
-        dynamic: &BTreeMap<String, DynamicMessage>,
-    ) -> McapResult<u16> {
-        let (descriptors, metadata) = channel.description(dynamic);
-        let schema = self.mcap.add_schema(&channel.schema, &descriptors)?;
-        let id = self.mcap.add_channel(schema, &channel.topic, &metadata)?;
-        channel.id = Some(id);
-        if let Some(new) = &mut self.new {
-            new.push(pb::JournalChannel {
-                id: id.into(),
-                topic: channel.topic.to_string(),
-                metadata: metadata.into_iter().collect(),
-                schema_id: schema.into(),
-                schema: channel.schema.to_string(),
-                schema_data: descriptors,
-            });
-        }
-        Ok(id)
-    }
-}
-
-/// Contents that are encoded already.
-struct Bytes<'a>(&'a [u8]);
-
-impl Body for Bytes<'_> {
-    fn encode(&self, out: &mut Vec<u8>) {
-        out.extend_from_slice(self.0);
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use std::sync::{Arc, Mutex};
-    use std::time::Duration;
-
-    use sample::{Payload, SourceId};
-
-    use super::*;
-
-    /// Accepts a number of bytes and no more, like a disk that fills up.
-    #[derive(Clone)]
-    struct SmallDisk {
-        taken: Arc<Mutex<Vec<u8>>>,
-        room: usize,
-    }
-
-    impl Write for SmallDisk {
-        fn write(&mut self, data: &[u8]) -> std::io::Result<usize> {
-            let mut taken = self.taken.lock().expect("one thread");
-            let room = self.room - taken.len();
-            if room == 0 {
-                return Err(std::io::ErrorKind::StorageFull.into());
-            }
-            let count = room.min(data.len());
-            taken.extend_from_slice(&data[..count]);
-            Ok(count)
-        }
-
-        fn flush(&mut self) -> std::io::Result<()> {
-            Ok(())
-        }
-    }
-
-    fn arrival(sequence: u64) -> Arrival {
-        let bytes = (0..40).map(|n| (sequence * 37 + n * n) as u8).collect();
-        Arrival {
-            sequence,
-            source: SourceId(1),
-            log_time: LogTime(sequence * 10_000_000),
-            realtime_ns: sequence as i64,
-            payload: Payload::Bytes(bytes),
-        }
-    }
-
-    fn read(directory: &std::path::Path, name: &str, bytes: &[u8]) -> Vec<Arrival> {
-        let path = directory.join(name);
-        std::fs::write(&path, bytes).expect("written");
-        crate::Reader::open([path])
-            .expect("a log")
-            .arrivals()
-            .collect::<Result<_>>()
-            .expect("readable")
-    }
-
-    /// For any free space: the first log and the data that is handed over contain everything.
-    #[test]
-    fn data_that_a_full_disk_rejects_is_handed_over() {
-        let directory = tempfile::tempdir().expect("a directory");
-        let written: Vec<Arrival> = (0..200).map(arrival).collect();
-        for room in (600..6_000).step_by(97) {
-            let disk = SmallDisk {
-                taken: Arc::default(),
-                room,
-            };
-            let session = Session::default();
-            let options = Options {
-                raw_interval: Duration::from_millis(80),
-                ..Options::default()
-            };
-            let mut log = LogWriter::new(disk.clone(), session.clone(), options, 0)
-                .expect("the first bytes fit");
-            let fitted = written
-                .iter()
-                .position(|arrival| log.push(arrival.clone()).is_err())
-                .expect("the disk fills up");
-            let (pending, latched) = log.abandon();
-            let first = read(
-                directory.path(),
-                "first",
-                &disk.taken.lock().expect("one thread"),
-            );
-            let mut second = LogWriter::new(Vec::new(), session, Options::default(), 1)
-                .expect("a vector takes all");
-            let continued = second.continue_from(latched, pending);
-            continued.expect("a vector takes all");
-            let second = second.finish(&BTreeMap::new()).expect("a vector takes all");
-            let second = read(directory.path(), "second", &second);
-            let mut both = first.clone();
-            both.extend(
-                second
-                    .into_iter()
-                    .filter(|a| a.sequence >= first.len() as u64),
-            );
-            assert_eq!(both, written[..=fitted], "{room} bytes");
-        }
-    }
-
-    /// Data in the log that a failed sync did not write is handed over, too.
-    #[test]
-    fn groups_are_handed_over_until_they_have_reached_the_disk() {
-        let options = Options {
-            raw_interval: Duration::from_millis(100),
-            ..Options::default()
-        };
-        let abandoned = |synced: u64| -> Vec<u64> {
-            let mut log = LogWriter::new(Vec::new(), Session::default(), options.clone(), 0)
-                .expect("a vector takes all");
-            log.keep_unsynced();
-            for sequence in 0..35 {
-                log.push(arrival(sequence)).expect("a vector takes all");
-            }
-            assert_eq!(log.groups(), 3);
-            log.reached_disk(synced);
-            let (pending, _) = log.abandon();
-            let all = pending.unsynced.into_iter().chain(pending.arrivals);
-            all.map(|arrival| arrival.sequence).collect()
-        };
-        for synced in 0..=3 {
-            assert!(abandoned(synced).into_iter().eq(10 * synced..35));
-        }
-    }
-}
+mod tests;
