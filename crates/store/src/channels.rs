@@ -33,10 +33,7 @@ pub(crate) struct Channel {
 
 impl Channel {
     /// The schema and the metadata, for the file.
-    pub(crate) fn description(
-        &self,
-        dynamic: &BTreeMap<String, DynamicMessage>,
-    ) -> (Vec<u8>, BTreeMap<String, String>) {
+    pub(crate) fn description(&self, dynamic: &Schemas) -> (Vec<u8>, BTreeMap<String, String>) {
         let dynamic = dynamic.get(&*self.topic);
         let descriptors = dynamic.map_or_else(
             || schema::descriptor_set(&self.schema),
@@ -55,6 +52,9 @@ pub(crate) fn channel_metadata(source: Option<SourceId>) -> BTreeMap<String, Str
         .into_iter()
         .collect()
 }
+
+/// Schemas that are made at run time, by topic.
+pub(crate) type Schemas = BTreeMap<String, DynamicMessage>;
 
 /// A message of a channel, which is not encoded yet.
 pub(crate) struct Outgoing<'a> {
@@ -120,8 +120,8 @@ impl Channels {
         &mut self,
         record: &Record,
         name: &dyn Fn(SourceId) -> String,
-        dynamic: &mut BTreeMap<String, DynamicMessage>,
-        take: &mut dyn FnMut(&mut Self, Outgoing<'_>, &BTreeMap<String, DynamicMessage>),
+        dynamic: &mut Schemas,
+        take: &mut dyn FnMut(&mut Self, Outgoing<'_>, &Schemas),
     ) {
         convert::encode(record, name, &mut |message| {
             let outgoing = Outgoing {
@@ -158,7 +158,7 @@ impl Channels {
         &mut self,
         record: &Record,
         name: &dyn Fn(SourceId) -> String,
-        dynamic: &mut BTreeMap<String, DynamicMessage>,
+        dynamic: &mut Schemas,
     ) -> Vec<Encoded> {
         let mut all = Vec::new();
         self.messages(record, name, dynamic, &mut |channels, message, _| {
@@ -183,7 +183,7 @@ impl Channels {
         sample: &Sample,
         values: &dynamic::Values<'_>,
         name: &dyn Fn(SourceId) -> String,
-        dynamic: &mut BTreeMap<String, DynamicMessage>,
+        dynamic: &mut Schemas,
     ) -> usize {
         let of_source = self.by_name.entry(sample.source).or_default();
         let known = of_source.get(values.message).copied();

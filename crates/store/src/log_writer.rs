@@ -9,7 +9,6 @@ use sample::{Arrival, LogTime};
 use crate::channels::Channels;
 use crate::convert::Encoded;
 use crate::counters::WriteCounters;
-use crate::dynamic::DynamicMessage;
 use crate::mcap_file::{Chunk, McapFile};
 use crate::proto::atvrec as pb;
 use crate::session::{COUNTERS_METADATA, RESERVED_TOPIC, RUN_METADATA, UTC_METADATA};
