@@ -189,11 +189,11 @@ impl Engine {
             }
             Output::Road(road) => records.push(Record::Road {
                 stage: Stage::Estimate,
-                road,
+                road: Box::new(road),
             }),
             Output::LaggedRoad(road) => records.push(Record::Road {
                 stage: Stage::Lagged,
-                road,
+                road: Box::new(road),
             }),
             Output::Event(event) => {
                 match &event.kind {
@@ -383,18 +383,18 @@ fn new_estimator(config: &config::Estimator) -> Result<Timely> {
 
 /// Motion and forces of a later stage.
 fn push_stage(records: &mut Vec<Record>, stage: Stage, estimate: &Estimate) {
-    let (time, motion) = (estimate.time, estimate.motion);
+    let time = estimate.time;
     records.push(Record::Motion {
         time,
         stage,
-        motion,
+        motion: Box::new(estimate.motion),
     });
     for frame in [ForceFrame::WheelCarrier, ForceFrame::Contact] {
         records.push(Record::TyreForces {
             time,
             stage,
             frame,
-            forces: *estimate.forces(frame),
+            forces: Box::new(*estimate.forces(frame)),
         });
     }
 }

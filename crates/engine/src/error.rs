@@ -33,6 +33,9 @@ pub enum Error {
         /// Path of the file.
         path: PathBuf,
     },
+    /// A log gets an entry after an error.
+    #[error("the log {0} takes no entry after an error")]
+    LogClosed(PathBuf),
     /// The log has no configuration among its attachments.
     #[error("the log contains no configuration; give one with --config")]
     NoConfiguration,

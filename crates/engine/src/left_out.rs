@@ -205,7 +205,7 @@ impl Decoder {
             return Ok(None);
         };
         let of_source = self.open.get_mut(&sample.source);
-        let Some(open) = of_source.and_then(|all| all.get_mut(&frame.message)) else {
+        let Some(open) = of_source.and_then(|all| all.get_mut(&*frame.message)) else {
             return Ok(None);
         };
         for message in self.encoder.encode(record) {

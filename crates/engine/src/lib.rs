@@ -9,6 +9,7 @@
 //! virtual vehicle. [`read_recording`] and [`read_drive`] read the data of a calibration step and of an
 //! identification. This crate reads no clock, no device and no environment.
 
+mod behind;
 pub mod config;
 mod engine;
 mod error;

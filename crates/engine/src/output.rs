@@ -4,6 +4,8 @@
 //! name beside its target while it is written, and is renamed in one step when it is complete and
 //! synced. A killed command leaves `NAME.partial-PID`, or `NAME.mcap.active` for a log.
 
+mod log_file;
+
 use std::error::Error as StdError;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
@@ -13,7 +15,8 @@ use std::path::{Path, PathBuf};
 
 use store::{ACTIVE_SUFFIX, Options, Session, Writer};
 
-use crate::{Entry, Error, Result};
+use crate::{Error, Result};
+pub use log_file::LogFile;
 
 /// Cause of a failed write.
 pub type WriteError = Box<dyn StdError + Send + Sync>;
@@ -354,11 +357,7 @@ impl Target {
         let active = PathBuf::from(active);
         self.remove_unfinished(&active)?;
         let writer = Writer::create(&self.resolved, session, options, 0)?;
-        Ok(LogFile {
-            writer: Some(writer),
-            active,
-            force: self.force,
-        })
+        Ok(LogFile::start(writer, active, self.force))
     }
 
     /// Removes the unfinished log of a command that was killed, if `force` is set.
@@ -442,63 +441,6 @@ impl Drop for PartialFile {
         if let Some(path) = &self.path {
             // The first error is reported, not this one.
             let _ = std::fs::remove_file(path);
-        }
-    }
-}
-
-/// A log that is being written; removed when it is dropped before it is finished.
-pub struct LogFile {
-    /// `None` after the log is finished.
-    writer: Option<Writer>,
-    active: PathBuf,
-    force: bool,
-}
-
-impl LogFile {
-    /// Appends an entry to the log.
-    ///
-    /// # Errors
-    /// If the disk fails.
-    pub fn push(&mut self, entry: Entry) -> Result<()> {
-        let writer = self
-            .writer
-            .as_mut()
-            .expect("only `finish` takes the writer, and it consumes the log");
-        match entry {
-            Entry::Arrival(arrival) => writer.push(arrival)?,
-            Entry::Record(record) => writer.record(&record),
-        }
-        Ok(())
-    }
-
-    /// Closes the log and renames it to the target.
-    ///
-    /// # Errors
-    /// If the disk fails, or if a file of that name was created meanwhile and `force` is not set. The
-    /// log is removed then.
-    pub fn finish(mut self) -> Result<store::Finished> {
-        let writer = self.writer.take().expect("`finish` consumes the log");
-        let finished = if self.force {
-            writer.finish_replacing()
-        } else {
-            writer.finish()
-        };
-        if finished.is_err() {
-            self.remove();
-        }
-        Ok(finished?)
-    }
-
-    fn remove(&self) {
-        // The first error is reported, not this one.
-        let _ = std::fs::remove_file(&self.active);
-    }
-}
-
-impl Drop for LogFile {
-    fn drop(&mut self) {
-        if self.writer.take().is_some() {
-            self.remove();
         }
     }
 }

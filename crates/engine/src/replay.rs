@@ -4,9 +4,10 @@ mod changes;
 
 use std::collections::BTreeMap;
 use std::iter::Peekable;
+use std::vec::IntoIter;
 
 use sample::{Arrival, LogTime, Payload};
-use store::{LogWriter, MessageIter, Missing, Options, Reader, Record, Selection, Session, Stage};
+use store::{LogWriter, Missing, Options, Reader, Record, Selection, Session, Stage};
 
 use crate::feed::Entry;
 use crate::read_ahead::ReadAhead;
@@ -157,7 +158,7 @@ impl<'r> Replay<'r> {
         let mut done = Replayed::default();
         let skipped = skipped(self.reader)?;
         let mut truth = self.options.truth.then(|| Truth::of(self.reader));
-        let ahead = ReadAhead::start(self.reader.arrivals());
+        let ahead = ReadAhead::start(self.reader.arrivals(), |arrivals| arrivals.missing());
         while let Some(batch) = ahead.next() {
             for arrival in batch.map_err(Error::from)? {
                 let time = arrival.log_time;
@@ -274,9 +275,9 @@ impl<'r> Replay<'r> {
         records.try_for_each(|record| sink(Entry::Record(record)))
     }
 
-    fn missing(&self, ahead: ReadAhead) -> Vec<Missing> {
+    fn missing(&self, ahead: ReadAhead<Arrival, Vec<Missing>>) -> Vec<Missing> {
         let known = self.reader.info().missing;
-        let found = ahead.missing().into_iter();
+        let found = ahead.finish().into_iter();
         let new: Vec<Missing> = found.filter(|found| !known.contains(found)).collect();
         [known, new].concat()
     }
@@ -305,11 +306,26 @@ fn has_smoothed(reader: &Reader) -> bool {
 }
 
 /// Truth messages of the log, which no engine computes.
-struct Truth(Peekable<MessageIter>);
+struct Truth {
+    ahead: ReadAhead<(LogTime, Record), ()>,
+    batch: Peekable<IntoIter<(LogTime, Record)>>,
+}
 
 impl Truth {
     fn of(reader: &Reader) -> Self {
-        Self(reader.messages(Selection::topics(["/truth/*"])).peekable())
+        let messages = reader.messages(Selection::topics(["/truth/*"]));
+        let records = messages.filter_map(|message| {
+            let message = match message {
+                Ok(message) => message,
+                Err(error) => return Some(Err(error)),
+            };
+            let record = message.record().transpose()?;
+            Some(record.map(|record| (message.log_time, record)))
+        });
+        Self {
+            ahead: ReadAhead::start(records, drop),
+            batch: Vec::new().into_iter().peekable(),
+        }
     }
 
     fn until<E: From<Error>>(
@@ -317,16 +333,18 @@ impl Truth {
         until: LogTime,
         sink: &mut impl FnMut(Entry) -> std::result::Result<(), E>,
     ) -> std::result::Result<(), E> {
-        while let Some(message) = self.0.next_if(|message| match message {
-            Ok(message) => message.log_time <= until,
-            Err(_) => true,
-        }) {
-            let record = message.and_then(|message| message.record());
-            if let Some(record) = record.map_err(Error::from)? {
+        loop {
+            while let Some((_, record)) = self.batch.next_if(|(time, _)| *time <= until) {
                 sink(Entry::Record(record))?;
             }
+            if self.batch.peek().is_some() {
+                return Ok(());
+            }
+            let Some(batch) = self.ahead.next() else {
+                return Ok(());
+            };
+            self.batch = batch.map_err(Error::from)?.into_iter().peekable();
         }
-        Ok(())
     }
 }
 

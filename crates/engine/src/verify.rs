@@ -1,79 +1,106 @@
 //! Verification: compares the messages of a replay with those of the recording, bit by bit.
 
-use std::collections::{BTreeMap, BTreeSet, HashSet, VecDeque};
+mod comparison;
+
+use std::collections::BTreeMap;
 use std::fmt;
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Sink;
+use std::sync::mpsc::Receiver;
 
+use sample::LogTime;
 use sample::text::printable;
-use sample::{LogTime, NANOS_PER_SECOND};
-use store::{
-    Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection, same_force_values,
-    same_health_without_late,
-};
+use store::{Encoded, LogWriter, Message, Reader, Record};
 
+use crate::behind::Behind;
 use crate::{LeftOut, Result};
+use comparison::{Comparison, Waiting};
 
-/// Schemas of the raw data, which is the input of a replay.
-const RAW: &str = "atvrec.Raw";
-/// Topics that the engine does not compute.
-const FOREIGN: [&str; 1] = ["/truth/"];
-/// Topics that only the log of a replay can contain.
-const SMOOTHED: &str = "/smoothed/";
-/// Forces in the wheel-carrier frame.
-const TYRE_FORCES: &str = "/estimate/tyre_forces";
-/// Topics of the estimate with a lag. A vehicle with a force filter has them; a log without them is of an
-/// earlier filter, whose numbers are others.
-const LAGGED: &str = "/lagged/";
-/// Counters of the sources.
-const HEALTH: &str = "/health";
-/// Topics of the estimator.
-const ESTIMATED: [&str; 4] = ["/estimate/", "/model/", SMOOTHED, LAGGED];
-/// Topics that logs of earlier versions do not contain.
-const LATER: [&str; 5] = [
-    "/utc_offset",
-    TYRE_FORCES,
-    "/smoothed/tyre_forces",
-    "/tf",
-    "/scene",
-];
-/// Schemas of latched messages, which every part of a run repeats at its beginning.
-const REPEATED: [&str; 3] = ["atvrec.Health", "atvrec.ClockFit", "atvrec.UtcOffset"];
 /// Most differences that are reported in full.
 const REPORTED_MAX: usize = 3;
 /// Most messages of a decoded record.
 const MESSAGES_PER_RECORD_MAX: u64 = 5;
-/// Time on the log clock for which a message waits for its counterpart: above the latency of both sides.
-const WAIT_MAX_NANOS: i64 = 10 * NANOS_PER_SECOND;
-/// Time before missing arrivals from which estimates may depend on them.
-const DEPENDENCE_NANOS: i64 = NANOS_PER_SECOND;
 
-/// Compares two streams of messages by topic and time, in bounded memory.
+/// Compares the messages of a replay with those of the log, on a thread of its own.
 pub struct Verifier {
     encoder: LogWriter<Sink>,
-    recorded: std::iter::Peekable<MessageIter>,
-    waiting: BTreeMap<String, BTreeMap<LogTime, Waiting>>,
-    states: BTreeMap<String, Message>,
-    /// Messages that were recently found on both sides: a file after a failure may repeat them.
-    found: HashSet<u64>,
-    found_at: VecDeque<(LogTime, u64)>,
-    settle_at: LogTime,
-    /// Whether the log contains smoothed estimates.
-    smoothed: bool,
-    /// Whether the log contains estimates with a lag.
-    lagged: bool,
-    /// Topics that the log does not contain: it is too old, or its configuration leaves them out.
-    absent: BTreeSet<String>,
-    report: Verification,
+    comparing: Behind<Step, Result<Verification>>,
 }
 
-/// Messages of a topic and a time without a counterpart so far.
-#[derive(Default)]
-struct Waiting {
-    recorded: Vec<Message>,
-    computed: Vec<Encoded>,
-    /// Time of the last of them.
-    since: LogTime,
+/// What the comparison has to take into account, in the order of the replay.
+enum Step {
+    /// Messages of the arrival at a time.
+    Computed(Vec<Encoded>, LogTime),
+    /// Missing arrivals from a number on, and the time of the last arrival before them.
+    ArrivalsMissing(u64, LogTime),
+    /// Number of the first arrival of a log without its beginning.
+    BeginningMissing(u64),
+    /// Number of the last arrival of a log without its end.
+    EndMissing(u64),
+}
+
+impl Verifier {
+    /// Verifier of the messages of `reader`; `encoder` converts the records of the replay to messages.
+    pub fn new(reader: &Reader, encoder: LogWriter<Sink>, left_out: &LeftOut) -> Self {
+        let mut comparison = Comparison::new(reader, left_out);
+        let compare = move |steps: Receiver<Vec<Step>>| {
+            for step in steps.into_iter().flatten() {
+                match step {
+                    Step::Computed(messages, now) => comparison.expect(messages, now)?,
+                    Step::ArrivalsMissing(first, time) => comparison.arrivals_missing(first, time),
+                    Step::BeginningMissing(first) => comparison.beginning_missing(first),
+                    Step::EndMissing(last) => comparison.end_missing(last),
+                }
+            }
+            comparison.finish()
+        };
+        Self {
+            encoder,
+            comparing: Behind::start(compare),
+        }
+    }
+
+    /// Reports that arrivals from number `first` on are missing, and that the last arrival before them
+    /// has the time `time`. Messages from then on cannot be verified.
+    pub fn arrivals_missing(&mut self, first: u64, time: LogTime) {
+        self.comparing.push(Step::ArrivalsMissing(first, time));
+    }
+
+    /// Reports that the log begins with arrival number `first`: another tool removed those before it,
+    /// on which everything can depend.
+    pub fn beginning_missing(&mut self, first: u64) {
+        self.comparing.push(Step::BeginningMissing(first));
+    }
+
+    /// Reports that the log ends before arrival number `last`, which its counters state as the last.
+    pub fn end_missing(&mut self, last: u64) {
+        self.comparing.push(Step::EndMissing(last));
+    }
+
+    /// Compares the records of the arrival at `now`.
+    ///
+    /// # Errors
+    /// If the messages of the log cannot be read; also those of earlier arrivals.
+    pub fn expect(&mut self, records: &[Record], now: LogTime) -> Result<()> {
+        let messages = records
+            .iter()
+            .flat_map(|record| self.encoder.encode(record));
+        if self.comparing.push(Step::Computed(messages.collect(), now)) {
+            return Ok(());
+        }
+        self.result().map(drop)
+    }
+
+    /// Result after the last arrival.
+    pub fn finish(mut self) -> Result<Verification> {
+        self.result()
+    }
+
+    fn result(&mut self) -> Result<Verification> {
+        // After an error the replay ends, so that no second result is requested.
+        self.comparing
+            .finish()
+            .unwrap_or_else(|| Ok(Verification::default()))
+    }
 }
 
 /// Result of the comparison.
@@ -97,240 +124,6 @@ pub struct Verification {
     /// The estimates of the log are of an earlier force filter: they are not compared.
     earlier_filter: bool,
     differences: Vec<String>,
-}
-
-impl Verifier {
-    /// Verifier of the messages of `reader`; `encoder` converts the records of the replay to messages.
-    pub fn new(reader: &Reader, encoder: LogWriter<Sink>, left_out: &LeftOut) -> Self {
-        let info = reader.info();
-        let topics = info
-            .channels
-            .iter()
-            .filter(|(topic, (schema, _))| {
-                !schema.starts_with(RAW) && !FOREIGN.iter().any(|t| topic.starts_with(t))
-            })
-            .map(|(topic, _)| topic.clone());
-        let cut = |missing: &store::Missing| !matches!(missing, store::Missing::NoSchema { .. });
-        let lost_records = info.counters.get("lost_records").copied();
-        let report = Verification {
-            unfinished: info.missing.iter().any(cut) || reader.was_recovered(),
-            lost_records: lost_records.unwrap_or_default(),
-            ..Verification::default()
-        };
-        Self {
-            encoder,
-            recorded: reader.messages(Selection::topics(topics)).peekable(),
-            waiting: BTreeMap::new(),
-            states: BTreeMap::new(),
-            found: HashSet::new(),
-            found_at: VecDeque::new(),
-            settle_at: LogTime(0),
-            smoothed: info
-                .channels
-                .keys()
-                .any(|topic| topic.starts_with(SMOOTHED)),
-            lagged: info.channels.keys().any(|topic| topic.starts_with(LAGGED)),
-            absent: LATER
-                .into_iter()
-                .filter(|topic| !info.channels.contains_key(*topic))
-                .chain(left_out.topics())
-                .map(str::to_owned)
-                .collect(),
-            report,
-        }
-    }
-
-    /// Reports that arrivals from number `first` on are missing, and that the last arrival before them
-    /// has the time `time`. Messages from then on cannot be verified.
-    pub fn arrivals_missing(&mut self, first: u64, time: LogTime) {
-        self.report
-            .gap
-            .get_or_insert((first, time + -DEPENDENCE_NANOS));
-    }
-
-    /// Reports that the log begins with arrival number `first`: another tool removed those before it,
-    /// on which everything can depend.
-    pub fn beginning_missing(&mut self, first: u64) {
-        self.report.begins_at = Some(first);
-        self.report.gap = Some((0, LogTime(0)));
-    }
-
-    /// Reports that the log ends before arrival number `last`, which its counters state as the last.
-    pub fn end_missing(&mut self, last: u64) {
-        self.report.ends_before = Some(last);
-        self.report.unfinished = true;
-    }
-
-    /// Compares the records of the arrival at `now`.
-    pub fn expect(&mut self, records: &[Record], now: LogTime) -> Result<()> {
-        for record in records {
-            for message in self.encoder.encode(record) {
-                self.computed(message, now);
-            }
-        }
-        while let Some(next) = self.recorded.next_if(|message| match message {
-            Ok(message) => message.log_time <= now,
-            Err(_) => true,
-        }) {
-            self.recorded(next?, now);
-        }
-        if now >= self.settle_at {
-            self.settle_at = LogTime(now.0.saturating_add(NANOS_PER_SECOND as u64));
-            self.settle(now + -WAIT_MAX_NANOS);
-        }
-        Ok(())
-    }
-
-    /// From the first estimate with a lag on that only the replay has, estimates are not compared.
-    fn leave_out_estimates(&mut self) {
-        self.report.earlier_filter = true;
-        let (waiting, report) = (&mut self.waiting, &mut self.report);
-        waiting.retain(|topic, _| !is_estimated(topic));
-        report.compared.retain(|topic, _| !is_estimated(topic));
-    }
-
-    fn computed(&mut self, message: Encoded, now: LogTime) {
-        if !self.lagged && !self.report.earlier_filter && message.topic.starts_with(LAGGED) {
-            self.leave_out_estimates();
-        }
-        if self.report.earlier_filter && is_estimated(&message.topic) {
-            return;
-        }
-        if message.topic.starts_with(SMOOTHED) && !self.smoothed
-            || self.absent.contains(&message.topic)
-        {
-            return;
-        }
-        let values_alone = self.values_alone();
-        let topic = self.waiting.entry(message.topic.clone()).or_default();
-        let waiting = topic.entry(message.log_time).or_default();
-        let same = |recorded: &Message| is_same(recorded, &message, values_alone);
-        match waiting.recorded.iter().position(same) {
-            Some(position) => {
-                waiting.recorded.remove(position);
-                if waiting.is_empty() {
-                    topic.remove(&message.log_time);
-                }
-                self.identical(&message.topic, message.log_time, &message.data, now);
-            }
-            None => {
-                waiting.since = now;
-                waiting.computed.push(message);
-            }
-        }
-    }
-
-    fn recorded(&mut self, message: Message, now: LogTime) {
-        let name = &message.channel.topic;
-        if self.report.earlier_filter && is_estimated(name) || self.is_repeated(&message) {
-            return;
-        }
-        let name = &message.channel.topic;
-        let values_alone = self.values_alone();
-        let topic = self.waiting.entry(name.clone()).or_default();
-        let waiting = topic.entry(message.log_time).or_default();
-        let same = |computed: &Encoded| is_same(&message, computed, values_alone);
-        match waiting.computed.iter().position(same) {
-            Some(position) => {
-                waiting.computed.remove(position);
-                if waiting.is_empty() {
-                    topic.remove(&message.log_time);
-                }
-                self.identical(name, message.log_time, &message.data, now);
-            }
-            None => {
-                waiting.since = now;
-                waiting.recorded.push(message);
-            }
-        }
-    }
-
-    /// Whether the log is of a version whose forces are all in the contact frame. Their standard
-    /// deviations do not include the unknown normal of the ground, so that only the values are compared.
-    fn values_alone(&self) -> bool {
-        self.absent.contains(TYRE_FORCES)
-    }
-
-    fn identical(&mut self, topic: &str, log_time: LogTime, data: &[u8], now: LogTime) {
-        self.report.count(topic);
-        let hash = hash_of(topic, log_time, data);
-        self.found.insert(hash);
-        self.found_at.push_back((now, hash));
-    }
-
-    /// Whether the message repeats the last latched message at the beginning of another part.
-    fn is_repeated(&mut self, message: &Message) -> bool {
-        if !REPEATED.contains(&message.channel.schema.as_str()) {
-            return false;
-        }
-        let topic = message.channel.topic.clone();
-        let same = self
-            .states
-            .get(&topic)
-            .is_some_and(|last| last.log_time == message.log_time && last.data == message.data);
-        if !same {
-            self.states.insert(topic, message.clone());
-        }
-        same
-    }
-
-    /// Settles the messages that have waited since before `before`: they have no counterpart.
-    fn settle(&mut self, before: LogTime) {
-        let (found, report) = (&self.found, &mut self.report);
-        for (topic, instants) in &mut self.waiting {
-            instants.retain(|time, waiting| {
-                if waiting.since >= before {
-                    return true;
-                }
-                let twice = |m: &Message| found.contains(&hash_of(topic, *time, &m.data));
-                waiting.recorded.retain(|message| !twice(message));
-                report.settle(topic, *time, std::mem::take(waiting));
-                false
-            });
-        }
-        while self.found_at.front().is_some_and(|(at, _)| *at < before) {
-            if let Some((_, hash)) = self.found_at.pop_front() {
-                self.found.remove(&hash);
-            }
-        }
-    }
-
-    /// Result after the last arrival.
-    pub fn finish(mut self) -> Result<Verification> {
-        const END: LogTime = LogTime(u64::MAX);
-        while let Some(message) = self.recorded.next() {
-            self.recorded(message?, LogTime(0));
-        }
-        self.settle(END);
-        Ok(self.report)
-    }
-}
-
-impl Waiting {
-    fn is_empty(&self) -> bool {
-        self.recorded.is_empty() && self.computed.is_empty()
-    }
-}
-
-/// Compares two messages of a topic. `values_alone`: forces of the contact frame without their standard
-/// deviations.
-fn is_same(recorded: &Message, computed: &Encoded, values_alone: bool) -> bool {
-    let same = recorded.data == computed.data
-        || values_alone
-            && computed.topic.ends_with("/contact_forces")
-            && same_force_values(&recorded.data, &computed.data)
-        || computed.topic == HEALTH && same_health_without_late(&recorded.data, &computed.data);
-    recorded.publish_time == computed.publish_time && same
-}
-
-fn is_estimated(topic: &str) -> bool {
-    ESTIMATED.iter().any(|prefix| topic.starts_with(prefix))
-}
-
-fn hash_of(topic: &str, log_time: LogTime, data: &[u8]) -> u64 {
-    let mut hasher = DefaultHasher::new();
-    (topic, log_time.0, data).hash(&mut hasher);
-    hasher.finish()
 }
 
 impl Verification {
@@ -389,7 +182,10 @@ impl Verification {
     }
 
     fn count(&mut self, topic: &str) {
-        *self.compared.entry(topic.to_owned()).or_default() += 1;
+        match self.compared.get_mut(topic) {
+            Some(count) => *count += 1,
+            None => drop(self.compared.insert(topic.to_owned(), 1)),
+        }
     }
 
     fn sum(counts: &BTreeMap<String, u64>) -> u64 {

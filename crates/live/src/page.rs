@@ -295,7 +295,7 @@ impl Parts {
                     self.rollover = None;
                 }
                 self.time = time;
-                self.motion = Some(motion);
+                self.motion = Some(*motion);
             }
             Record::TyreForces {
                 stage: Stage::Estimate,
@@ -303,8 +303,8 @@ impl Parts {
                 forces,
                 ..
             } => match frame {
-                ForceFrame::WheelCarrier => self.carrier = Some(forces),
-                ForceFrame::Contact => self.contact = Some(forces),
+                ForceFrame::WheelCarrier => self.carrier = Some(*forces),
+                ForceFrame::Contact => self.contact = Some(*forces),
             },
             Record::Rollover { rollover, .. } => self.rollover = Some(rollover),
             Record::Parameters(parameters) => self.parameters = Some(*parameters),
@@ -334,7 +334,7 @@ mod tests {
         let motion = |time| Record::Motion {
             time,
             stage: Stage::Estimate,
-            motion: Motion::default(),
+            motion: Box::default(),
         };
         parts.take(motion(at));
         parts.take(Record::Parameters(Box::new(Parameters {

@@ -115,7 +115,7 @@ impl Parts {
             } => {
                 let next = sample::Estimate {
                     time,
-                    motion,
+                    motion: *motion,
                     carrier: sample::PerWheel::default(),
                     measured: sample::PerWheel::default(),
                     expected: sample::PerWheel::default(),
@@ -131,8 +131,8 @@ impl Parts {
             } => {
                 let estimate = self.estimate.as_mut()?;
                 match frame {
-                    sample::ForceFrame::WheelCarrier => estimate.carrier = forces,
-                    sample::ForceFrame::Contact => estimate.measured = forces,
+                    sample::ForceFrame::WheelCarrier => estimate.carrier = *forces,
+                    sample::ForceFrame::Contact => estimate.measured = *forces,
                 }
                 None
             }

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use crate::{LogTime, PerWheel, SourceId, Wheel};
@@ -318,7 +320,7 @@ pub struct GroundSpeedSample {
 }
 
 /// What a controller reports, in its own terms.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ControlSample {
     /// Named values in SI units.
     pub values: Vec<Signal>,
@@ -334,7 +336,7 @@ impl ControlSample {
     pub fn hitch_force_n(&self) -> Option<[f64; 3]> {
         let axis = |name: &str| {
             let mut all = self.values.iter();
-            let found = all.find(|signal| signal.name == name && signal.unit == "N")?;
+            let found = all.find(|signal| &*signal.name == name && &*signal.unit == "N")?;
             found.value.is_finite().then_some(found.value)
         };
         let axes = Self::HITCH_FORCE.map(axis);
@@ -345,10 +347,10 @@ impl ControlSample {
 }
 
 /// One CAN message decoded through a DBC.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SignalFrame {
-    /// Message name in the DBC.
-    pub message: String,
+    /// Message name in the DBC; all frames of a message share it.
+    pub message: Arc<str>,
     /// CAN identifier.
     pub id: u32,
     /// Signals present in this frame (multiplexed ones only where selected).
@@ -356,12 +358,12 @@ pub struct SignalFrame {
 }
 
 /// A named physical value.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
-    /// Name, as in the DBC or the source's configuration.
-    pub name: String,
+    /// Name, as in the DBC or the source's configuration; all values of a signal share it.
+    pub name: Arc<str>,
     /// Physical value, in `unit`.
     pub value: f64,
     /// Unit, as in the DBC or the source's configuration.
-    pub unit: String,
+    pub unit: Arc<str>,
 }

@@ -6,9 +6,11 @@ mod road;
 mod scene;
 mod sensor;
 
+use std::sync::Arc;
+
 use prost::{Message, Name};
 use sample::{
-    ForceFrame, LogTime, Motion, NANOS_PER_SECOND, PerWheel, Road, Rollover, Sample, SourceId,
+    Estimate, ForceFrame, LogTime, Motion, NANOS_PER_SECOND, PerWheel, Rollover, Sample, SourceId,
     TyreForce,
 };
 
@@ -23,15 +25,15 @@ use estimate::{
     rollover_from_proto, rollover_to_proto, transforms_from_proto, transforms_to_proto,
 };
 use road::{road_from_proto, road_to_proto};
-use sensor::{decode_measurement, encode_sample};
+use sensor::{decode_measurement, emit_sample};
 
-/// A message ready for its channel.
+/// A message ready for its channel. Messages of a channel share its texts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Encoded {
     /// Topic of the channel.
-    pub topic: String,
+    pub topic: Arc<str>,
     /// Name of its schema.
-    pub schema: String,
+    pub schema: Arc<str>,
     /// The source that the channel belongs to, where it belongs to one.
     pub source: Option<SourceId>,
     /// Log clock when it was recorded or computed.
@@ -50,8 +52,8 @@ impl Encoded {
         message: &M,
     ) -> Self {
         Self {
-            topic,
-            schema: M::full_name(),
+            topic: topic.into(),
+            schema: M::full_name().into(),
             source: None,
             log_time: log,
             publish_time: publish,
@@ -60,131 +62,252 @@ impl Encoded {
     }
 }
 
-/// The messages of a record; those with run-time schemas (signals, controls) are not made here.
-pub(crate) fn encode(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Encoded> {
+/// Topic of a message with a compiled schema, without its text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Topic {
+    /// The text.
+    Fixed(&'static str),
+    /// `/<stage>/<name>`.
+    Stage(Stage, &'static str),
+    /// What is before the name of the source, and what is after it.
+    Source(&'static str, &'static str),
+}
+
+impl Topic {
+    /// The text, for a source of this name.
+    pub(crate) fn text(self, source: &str) -> String {
+        match self {
+            Self::Fixed(text) => text.to_owned(),
+            Self::Stage(stage, name) => format!("/{}/{name}", stage.name()),
+            Self::Source(before, after) => format!("{before}{source}{after}"),
+        }
+    }
+}
+
+/// Channel of a message with a compiled schema, without texts that have to be made for each message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Address {
+    pub topic: Topic,
+    /// Package and name of the schema.
+    pub schema: (&'static str, &'static str),
+    pub source: Option<SourceId>,
+}
+
+impl Address {
+    /// Full name of the schema.
+    pub(crate) fn schema(&self) -> String {
+        let (package, name) = self.schema;
+        format!("{package}.{name}")
+    }
+}
+
+/// A message that is not encoded yet.
+pub(crate) struct Outgoing<'a> {
+    pub address: Address,
+    pub log_time: LogTime,
+    pub publish_time: LogTime,
+    pub body: &'a dyn Body,
+}
+
+/// Contents of a message.
+pub(crate) trait Body {
+    /// Appends the encoded contents.
+    fn encode(&self, out: &mut Vec<u8>);
+}
+
+impl<M: Message> Body for M {
+    fn encode(&self, out: &mut Vec<u8>) {
+        self.encode_raw(out);
+    }
+}
+
+/// Takes the messages of a record.
+pub(crate) struct Emitter<'a> {
+    source: Option<SourceId>,
+    take: &'a mut dyn FnMut(Outgoing<'_>),
+}
+
+impl Emitter<'_> {
+    fn emit<M: Message + Name>(
+        &mut self,
+        topic: Topic,
+        log_time: LogTime,
+        publish_time: LogTime,
+        body: &M,
+    ) {
+        let address = Address {
+            topic,
+            schema: (M::PACKAGE, M::NAME),
+            source: self.source,
+        };
+        (self.take)(Outgoing {
+            address,
+            log_time,
+            publish_time,
+            body,
+        });
+    }
+
+    /// Message of a topic that does not depend on a source.
+    fn fixed<M: Message + Name>(&mut self, topic: &'static str, time: LogTime, body: &M) {
+        self.emit(Topic::Fixed(topic), time, time, body);
+    }
+
+    fn motion(&mut self, stage: Stage, time: LogTime, motion: &Motion) {
+        let topic = Topic::Stage(stage, "motion");
+        self.emit(topic, time, time, &motion_to_proto(motion));
+    }
+
+    fn forces(
+        &mut self,
+        stage: Stage,
+        time: LogTime,
+        frame: ForceFrame,
+        forces: &PerWheel<TyreForce>,
+    ) {
+        let topic = Topic::Stage(stage, forces_topic(stage, frame));
+        self.emit(topic, time, time, &forces_to_proto(frame, forces));
+    }
+
+    fn rollover(&mut self, time: LogTime, rollover: &Rollover) {
+        self.fixed("/estimate/rollover", time, &rollover_to_proto(rollover));
+    }
+
+    fn friction(&mut self, time: LogTime, coefficient: PerWheel<f64>) {
+        let message = pb::Friction {
+            wheels: wheels::entries(|wheel, axle, side| pb::WheelFriction {
+                axle,
+                side,
+                coefficient: coefficient[wheel],
+            }),
+        };
+        self.fixed("/truth/friction", time, &message);
+    }
+
+    fn ground(&mut self, time: LogTime, ground: &Ground) {
+        self.fixed("/truth/ground", time, &ground_to_proto(ground));
+    }
+
+    fn pose(&mut self, time: LogTime, pose: &Pose) {
+        let [east, north, up] = pose.position_enu_m;
+        let message = pb::Pose {
+            position_m: Some(pb::VectorEnu { east, north, up }),
+            yaw_rad: pose.yaw_rad,
+            pitch_rad: pose.pitch_rad,
+            roll_rad: pose.roll_rad,
+        };
+        self.fixed("/truth/pose", time, &message);
+    }
+
+    fn estimate(&mut self, estimate: &Estimate) {
+        let time = estimate.time;
+        self.motion(Stage::Estimate, time, &estimate.motion);
+        for frame in [ForceFrame::WheelCarrier, ForceFrame::Contact] {
+            self.forces(Stage::Estimate, time, frame, estimate.forces(frame));
+        }
+        let contact = ForceFrame::Contact;
+        self.forces(Stage::Model, time, contact, &estimate.expected);
+        if !estimate.rollover.load_transfer_ratio.is_nan() {
+            self.rollover(time, &estimate.rollover);
+        }
+    }
+
+    fn truth(&mut self, truth: &Truth) {
+        let time = truth.time;
+        self.motion(Stage::Truth, time, &truth.motion);
+        for (frame, forces) in [
+            (ForceFrame::WheelCarrier, &truth.carrier),
+            (ForceFrame::Contact, &truth.contact),
+        ] {
+            if let Some(forces) = forces {
+                self.forces(Stage::Truth, time, frame, forces);
+            }
+        }
+        if let Some(ground) = &truth.ground {
+            self.ground(time, ground);
+        }
+        if let Some(pose) = &truth.pose {
+            self.pose(time, pose);
+        }
+        if let Some(friction) = truth.friction {
+            self.friction(time, friction);
+        }
+    }
+}
+
+/// Passes the messages of a record to `take`; those with run-time schemas (signals, controls) are not
+/// made here.
+pub(crate) fn encode(
+    record: &Record,
+    name: &dyn Fn(SourceId) -> String,
+    take: &mut dyn FnMut(Outgoing<'_>),
+) {
     let source = match record {
         Record::Sample(sample) => Some(sample.source),
         Record::ClockFit(fit) => Some(fit.source),
         _ => None,
     };
-    let mut messages = encode_record(record, name);
-    for message in &mut messages {
-        message.source = source;
-    }
-    messages
-}
-
-fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Encoded> {
-    let one = |topic: String, time, message: &dyn Fn(String, LogTime) -> Encoded| {
-        vec![message(topic, time)]
-    };
+    let mut to = Emitter { source, take };
     match record {
-        Record::Sample(sample) => encode_sample(sample, &name(sample.source)),
-        Record::Estimate(estimate) => {
-            let (time, contact) = (estimate.time, ForceFrame::Contact);
-            let mut messages = vec![motion_message(Stage::Estimate, time, &estimate.motion)];
-            messages.extend(
-                [ForceFrame::WheelCarrier, contact].map(|frame| {
-                    forces_message(Stage::Estimate, time, frame, estimate.forces(frame))
-                }),
-            );
-            messages.push(forces_message(
-                Stage::Model,
-                time,
-                contact,
-                &estimate.expected,
-            ));
-            if !estimate.rollover.load_transfer_ratio.is_nan() {
-                messages.push(rollover_message(estimate.time, &estimate.rollover));
-            }
-            messages
-        }
-        Record::Truth(truth) => {
-            let Truth {
-                time,
-                motion,
-                carrier,
-                contact,
-                ground,
-                pose,
-                friction,
-            } = &**truth;
-            let mut messages = vec![motion_message(Stage::Truth, *time, motion)];
-            for (frame, forces) in [
-                (ForceFrame::WheelCarrier, carrier),
-                (ForceFrame::Contact, contact),
-            ] {
-                let message = |forces| forces_message(Stage::Truth, *time, frame, forces);
-                messages.extend(forces.as_ref().map(message));
-            }
-            messages.extend(ground.as_ref().map(|ground| ground_message(*time, ground)));
-            messages.extend(pose.as_ref().map(|pose| pose_message(*time, pose)));
-            messages.extend(friction.map(|friction| friction_message(*time, friction)));
-            messages
-        }
+        Record::Sample(sample) => emit_sample(sample, name, &mut to),
+        Record::Estimate(estimate) => to.estimate(estimate),
+        Record::Truth(truth) => to.truth(truth),
         Record::Motion {
             time,
             stage,
             motion,
-        } => vec![motion_message(*stage, *time, motion)],
+        } => to.motion(*stage, *time, motion),
         Record::TyreForces {
             time,
             stage,
             frame,
             forces,
-        } => vec![forces_message(*stage, *time, *frame, forces)],
-        Record::Rollover { time, rollover } => vec![rollover_message(*time, rollover)],
-        Record::Road { stage, road } => vec![road_message(*stage, road)],
-        Record::Friction { time, coefficient } => vec![friction_message(*time, *coefficient)],
-        Record::Ground { time, ground } => vec![ground_message(*time, ground)],
-        Record::Pose { time, pose } => vec![pose_message(*time, pose)],
-        Record::Parameters(parameters) => vec![Encoded::new(
-            "/estimate/parameters".to_owned(),
-            parameters.time,
-            parameters.time,
-            &parameters_to_proto(parameters),
-        )],
-        Record::Event(event) => vec![Encoded::new(
-            "/estimate/events".to_owned(),
-            event.time,
-            event.onset,
-            &event_to_proto(event),
-        )],
-        Record::Health(health) => one("/health".to_owned(), health.time, &|topic, time| {
-            Encoded::new(topic, time, time, &health_to_proto(health))
-        }),
-        Record::ClockFit(fit) => one(
-            format!("/clock_fit/{}", name(fit.source)),
-            fit.time,
-            &|topic, time| Encoded::new(topic, time, time, &clock_fit_to_proto(fit)),
-        ),
-        Record::UtcOffset(offset) => one("/utc_offset".to_owned(), offset.time, &|topic, time| {
+        } => to.forces(*stage, *time, *frame, forces),
+        Record::Rollover { time, rollover } => to.rollover(*time, rollover),
+        Record::Road { stage, road } => {
+            let (topic, time) = (Topic::Stage(*stage, "road"), road.time);
+            to.emit(topic, time, time, &road_to_proto(road));
+        }
+        Record::Friction { time, coefficient } => to.friction(*time, *coefficient),
+        Record::Ground { time, ground } => to.ground(*time, ground),
+        Record::Pose { time, pose } => to.pose(*time, pose),
+        Record::Event(event) => {
+            let topic = Topic::Fixed("/estimate/events");
+            to.emit(topic, event.time, event.onset, &event_to_proto(event));
+        }
+        other => emit_rare(other, &mut to),
+    }
+}
+
+/// Messages of at most some records a second, or of none.
+fn emit_rare(record: &Record, to: &mut Emitter<'_>) {
+    match record {
+        Record::Parameters(parameters) => {
+            let message = parameters_to_proto(parameters);
+            to.fixed("/estimate/parameters", parameters.time, &message);
+        }
+        Record::Health(health) => to.fixed("/health", health.time, &health_to_proto(health)),
+        Record::ClockFit(fit) => {
+            let topic = Topic::Source("/clock_fit/", "");
+            to.emit(topic, fit.time, fit.time, &clock_fit_to_proto(fit));
+        }
+        Record::UtcOffset(offset) => {
             let message = pb::UtcOffset {
                 offset_ns: offset.offset_ns,
                 sigma_s: offset.sigma_s,
                 source: u32::from(offset.source.0),
                 leap_seconds: offset.leap_seconds,
             };
-            Encoded::new(topic, time, time, &message)
-        }),
-        Record::Mark { time, text } => one("/mark".to_owned(), *time, &|topic, time| {
-            Encoded::new(topic, time, time, &pb::Mark { text: text.clone() })
-        }),
-        Record::Log(log) => one("/log".to_owned(), log.time, &|topic, time| {
-            Encoded::new(topic, time, time, &log_to_proto(log))
-        }),
-        Record::Transforms { time, transforms } => one("/tf".to_owned(), *time, &|topic, time| {
-            Encoded::new(topic, time, time, &transforms_to_proto(time, transforms))
-        }),
-        Record::Scene(scene) => one("/scene".to_owned(), scene.time, &|topic, time| {
-            Encoded::new(topic, time, time, &scene::to_proto(scene))
-        }),
+            to.fixed("/utc_offset", offset.time, &message);
+        }
+        Record::Mark { time, text } => to.fixed("/mark", *time, &pb::Mark { text: text.clone() }),
+        Record::Log(log) => to.fixed("/log", log.time, &log_to_proto(log)),
+        Record::Transforms { time, transforms } => {
+            to.fixed("/tf", *time, &transforms_to_proto(*time, transforms));
+        }
+        Record::Scene(scene) => to.fixed("/scene", scene.time, &scene::to_proto(scene)),
+        _ => {}
     }
-}
-
-fn motion_message(stage: Stage, time: LogTime, motion: &Motion) -> Encoded {
-    let topic = format!("/{}/motion", stage.name());
-    Encoded::new(topic, time, time, &motion_to_proto(motion))
 }
 
 /// Last element of the topic of forces in a frame.
@@ -194,53 +317,6 @@ const fn forces_topic(stage: Stage, frame: ForceFrame) -> &'static str {
         (Stage::Model, _) | (_, ForceFrame::WheelCarrier) => "tyre_forces",
         (_, ForceFrame::Contact) => "contact_forces",
     }
-}
-
-fn forces_message(
-    stage: Stage,
-    time: LogTime,
-    frame: ForceFrame,
-    forces: &PerWheel<TyreForce>,
-) -> Encoded {
-    let topic = format!("/{}/{}", stage.name(), forces_topic(stage, frame));
-    Encoded::new(topic, time, time, &forces_to_proto(frame, forces))
-}
-
-fn rollover_message(time: LogTime, rollover: &Rollover) -> Encoded {
-    let topic = "/estimate/rollover".to_owned();
-    Encoded::new(topic, time, time, &rollover_to_proto(rollover))
-}
-
-fn road_message(stage: Stage, road: &Road) -> Encoded {
-    let topic = format!("/{}/road", stage.name());
-    Encoded::new(topic, road.time, road.time, &road_to_proto(road))
-}
-
-fn friction_message(time: LogTime, coefficient: PerWheel<f64>) -> Encoded {
-    let message = pb::Friction {
-        wheels: wheels::entries(|wheel, axle, side| pb::WheelFriction {
-            axle,
-            side,
-            coefficient: coefficient[wheel],
-        }),
-    };
-    Encoded::new("/truth/friction".to_owned(), time, time, &message)
-}
-
-fn ground_message(time: LogTime, ground: &Ground) -> Encoded {
-    let topic = "/truth/ground".to_owned();
-    Encoded::new(topic, time, time, &ground_to_proto(ground))
-}
-
-fn pose_message(time: LogTime, pose: &Pose) -> Encoded {
-    let [east, north, up] = pose.position_enu_m;
-    let message = pb::Pose {
-        position_m: Some(pb::VectorEnu { east, north, up }),
-        yaw_rad: pose.yaw_rad,
-        pitch_rad: pose.pitch_rad,
-        roll_rad: pose.roll_rad,
-    };
-    Encoded::new("/truth/pose".to_owned(), time, time, &message)
 }
 
 /// `value` as a smaller type.
@@ -316,10 +392,10 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         "atvrec.Motion" => Record::Motion {
             time,
             stage,
-            motion: match direct::motion(data) {
+            motion: Box::new(match direct::motion(data) {
                 Some(motion) => motion,
                 None => motion_from_proto(&pb::Motion::decode(data)?),
-            },
+            }),
         },
         "atvrec.TyreForces" => {
             let (frame, forces) = match direct::forces(data) {
@@ -330,7 +406,7 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
                 time,
                 stage,
                 frame,
-                forces,
+                forces: Box::new(forces),
             }
         }
         "atvrec.Rollover" => Record::Rollover {
@@ -339,7 +415,7 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         },
         "atvrec.Road" => Record::Road {
             stage,
-            road: road_from_proto(time, &pb::Road::decode(data)?),
+            road: Box::new(road_from_proto(time, &pb::Road::decode(data)?)),
         },
         "atvrec.Friction" => {
             let friction = pb::Friction::decode(data)?;
@@ -348,7 +424,7 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         }
         "atvrec.Ground" => Record::Ground {
             time,
-            ground: ground_from_proto(pb::Ground::decode(data)?),
+            ground: Box::new(ground_from_proto(pb::Ground::decode(data)?)),
         },
         "atvrec.Pose" => {
             let pose = pb::Pose::decode(data)?;

@@ -9,7 +9,7 @@ use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, Fi
 use sample::{Measurement, Sample, Signal, SourceId};
 
 use crate::ChannelInfo;
-use crate::convert::Encoded;
+use crate::convert::Body;
 
 /// Signal with the identifier of each frame of a J1939 message.
 pub const CAN_ID: &str = "j1939_can_id";
@@ -160,7 +160,8 @@ impl DynamicMessage {
     /// Whether these signals are the first ones of the schema, in its order.
     fn begins_with(&self, signals: &[Signal]) -> bool {
         signals.len() <= self.signals.len()
-            && (signals.iter().zip(&self.signals)).all(|(signal, known)| signal.name == known.name)
+            && (signals.iter().zip(&self.signals))
+                .all(|(signal, known)| *signal.name == *known.name)
     }
 
     /// Adds signals that are not known yet; `true` if there were any.
@@ -170,10 +171,10 @@ impl DynamicMessage {
         }
         let before = self.signals.len();
         for signal in signals {
-            if !self.signals.iter().any(|known| known.name == signal.name) {
+            if !self.signals.iter().any(|known| known.name == *signal.name) {
                 self.signals.push(SignalSchema {
-                    name: signal.name.clone(),
-                    unit: signal.unit.clone(),
+                    name: signal.name.to_string(),
+                    unit: signal.unit.to_string(),
                     labels: Vec::new(),
                 });
             }
@@ -181,65 +182,82 @@ impl DynamicMessage {
         self.signals.len() > before
     }
 
-    pub(crate) fn encode(&self, signals: &[Signal]) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(10 * signals.len());
+    fn encode(&self, signals: &[Signal], bytes: &mut Vec<u8>) {
         if self.begins_with(signals) {
             for (signal, number) in signals.iter().zip(field_numbers()) {
-                prost::encoding::double::encode(number, &signal.value, &mut bytes);
+                prost::encoding::double::encode(number, &signal.value, bytes);
             }
-            return bytes;
+            return;
         }
         for signal in signals {
-            let position = self.signals.iter().position(|s| s.name == signal.name);
+            let position = self.signals.iter().position(|s| s.name == *signal.name);
             if let Some(number) = position.and_then(|p| field_numbers().nth(p)) {
-                prost::encoding::double::encode(number, &signal.value, &mut bytes);
+                prost::encoding::double::encode(number, &signal.value, bytes);
             }
         }
-        bytes
     }
 }
 
-/// Message of a sample whose fields are known at run time only, and whether its schema has new fields;
-/// `None` for other samples. `known` has the messages by topic.
-pub(crate) fn encode(
-    known: &mut BTreeMap<String, DynamicMessage>,
-    sample: &Sample,
-    source: &str,
-) -> Option<(Encoded, bool)> {
-    let (topic, name, can_id, signals): (String, &str, Option<u32>, &[Signal]) =
+/// Values of a sample whose fields are known at run time only.
+pub(crate) struct Values<'a> {
+    /// Name of the CAN message; empty for a controller.
+    pub message: &'a str,
+    can_id: Option<u32>,
+    pub signals: &'a [Signal],
+}
+
+impl<'a> Values<'a> {
+    /// `None` for samples with compiled schemas.
+    pub(crate) fn of(sample: &'a Sample) -> Option<Self> {
         match &sample.measurement {
-            Measurement::Signals(frame) => (
-                format!("/can/{source}/{}", frame.message),
-                &frame.message,
-                Some(frame.id),
-                &frame.signals,
-            ),
-            Measurement::Control(control) => {
-                (format!("/control/{source}"), source, None, &control.values)
-            }
-            _ => return None,
+            Measurement::Signals(frame) => Some(Self {
+                message: &frame.message,
+                can_id: Some(frame.id),
+                signals: &frame.signals,
+            }),
+            Measurement::Control(control) => Some(Self {
+                message: "",
+                can_id: None,
+                signals: &control.values,
+            }),
+            _ => None,
+        }
+    }
+
+    /// Topic, for a source of this name.
+    pub(crate) fn topic(&self, source: &str) -> String {
+        match self.message {
+            "" => format!("/control/{source}"),
+            message => format!("/can/{source}/{message}"),
+        }
+    }
+
+    /// Schema without signals.
+    pub(crate) fn schema(&self, topic: &str, source: &str) -> DynamicMessage {
+        let name = match self.message {
+            "" => source,
+            message => message,
         };
-    if !known.contains_key(&topic) {
-        let message = DynamicMessage {
-            topic: topic.clone(),
+        DynamicMessage {
+            topic: topic.to_owned(),
             name: name.to_owned(),
-            can_id,
+            can_id: self.can_id,
             parameter_group: None,
             signals: Vec::new(),
-        };
-        known.insert(topic.clone(), message);
+        }
     }
-    let message = known.get_mut(&topic)?;
-    let grew = message.extend(signals);
-    let encoded = Encoded {
-        schema: message.schema_name(),
-        source: Some(sample.source),
-        log_time: sample.log_time,
-        publish_time: sample.valid_time,
-        data: message.encode(signals),
-        topic,
-    };
-    Some((encoded, grew))
+}
+
+/// Signals of one message and their schema.
+pub(crate) struct Frame<'a> {
+    pub message: &'a DynamicMessage,
+    pub signals: &'a [Signal],
+}
+
+impl Body for Frame<'_> {
+    fn encode(&self, out: &mut Vec<u8>) {
+        self.message.encode(self.signals, out);
+    }
 }
 
 /// Field numbers in order, without those that protobuf keeps for itself.
@@ -309,7 +327,11 @@ pub(crate) fn decode(
         let of = |key: &str| metadata.get(&format!("{key}.{}", field.name())).cloned();
         let name = of("name").unwrap_or_else(|| field.name().to_owned());
         let unit = of("unit").unwrap_or_default();
-        signals.push(Signal { name, value, unit });
+        signals.push(Signal {
+            name: name.into(),
+            value,
+            unit: unit.into(),
+        });
     }
     Ok(signals)
 }
@@ -341,12 +363,13 @@ mod tests {
             .iter()
             .zip(1..)
             .map(|(signal, value)| Signal {
-                name: signal.name.clone(),
+                name: signal.name.as_str().into(),
                 value: f64::from(value),
-                unit: "m".to_owned(),
+                unit: "m".into(),
             })
             .collect();
-        let data = message.encode(&values);
+        let mut data = Vec::new();
+        message.encode(&values, &mut data);
         let read = decode(&message.descriptor_set(), &message.metadata(), &data);
         assert_eq!(read.expect("decodes"), values);
     }

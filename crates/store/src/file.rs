@@ -415,14 +415,10 @@ impl Writer {
         self.log.latched()
     }
 
-    pub(crate) fn continue_from(&mut self, latched: Latched) -> Result<()> {
+    pub(crate) fn continue_from(&mut self, latched: Latched, pending: Pending) -> Result<()> {
         self.log
-            .continue_from(latched)
+            .continue_from(latched, pending)
             .map_err(|error| error.at(&self.unfinished.active))
-    }
-
-    pub(crate) fn resume(&mut self, pending: Pending) {
-        self.log.resume(pending);
     }
 
     pub(crate) fn abandon(self) -> (Pending, Latched, Unfinished) {

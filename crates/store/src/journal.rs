@@ -158,8 +158,8 @@ impl Journal {
             .encode_group(&self.session, waiting, end, false)
             .into_iter()
             .map(|batch| pb::JournalBatch {
-                topic: batch.topic,
-                schema: batch.schema,
+                topic: batch.topic.to_string(),
+                schema: batch.schema.to_string(),
                 source: batch.source.map(|source| source.0.into()),
                 log_time_ns: batch.log_time.0,
                 data: batch.data,
@@ -275,8 +275,8 @@ fn read_entries(mut bytes: &[u8], contents: &mut Contents) {
             let source = batch.source.and_then(|id| u16::try_from(id).ok());
             let time = LogTime(batch.log_time_ns);
             let encoded = Encoded {
-                topic: batch.topic,
-                schema: batch.schema,
+                topic: batch.topic.into(),
+                schema: batch.schema.into(),
                 source: source.map(SourceId),
                 log_time: time,
                 publish_time: time,

@@ -9,6 +9,7 @@
 //!   were recorded.
 //! - [`recover`] makes a complete log from an unfinished or damaged one.
 
+mod channels;
 mod column;
 mod convert;
 mod counters;
@@ -19,6 +20,7 @@ mod file;
 mod journal;
 mod ledger;
 mod log_writer;
+mod mcap_file;
 mod new_name;
 mod raw;
 mod reader;

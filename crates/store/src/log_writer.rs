@@ -1,19 +1,20 @@
+mod filling;
 mod handover;
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
-use std::io::{BufWriter, Write};
+use std::collections::{BTreeMap, VecDeque};
+use std::io::Write;
 
-use mcap::records::MessageHeader;
-use mcap::write::{Metadata, NoSeek, WriteOptions};
-use sample::{Arrival, LogTime, Sample, SourceId};
+use sample::{Arrival, LogTime};
 
-use crate::convert::{self, Encoded};
+use crate::channels::Channels;
+use crate::convert::Encoded;
 use crate::counters::WriteCounters;
-use crate::dynamic::{self, DynamicMessage};
+use crate::mcap_file::{Chunk, McapFile};
 use crate::proto::atvrec as pb;
 use crate::session::{COUNTERS_METADATA, RESERVED_TOPIC, RUN_METADATA, UTC_METADATA};
-use crate::{Error, Losses, Options, Record, Result, Session, raw, schema};
+use crate::{Error, Losses, Options, Record, Result, Session, raw};
 
+use filling::Filling;
 pub(crate) use handover::{Latched, Pending};
 
 /// Writes one log to a [`Write`]. It reads no clock: the same input gives the same bytes.
@@ -22,16 +23,19 @@ pub(crate) use handover::{Latched, Pending};
 /// [`Options::raw_interval`] has passed on the log clock. Decoded records are in separate chunks, which
 /// are larger, so that indexes stay small.
 pub struct LogWriter<W: Write> {
-    mcap: mcap::Writer<NoSeek<BufWriter<W>>>,
+    mcap: McapFile<W>,
     session: Session,
     options: Options,
-    /// Channels by topic.
-    channels: HashMap<String, Vec<Channel>>,
+    channels: Channels,
     encoder: raw::Encoder,
     group: Vec<Arrival>,
-    decoded: Vec<Encoded>,
-    decoded_bytes: usize,
+    /// Decoded messages that wait for the next flush.
+    decoded: Chunk,
     decoded_since: Option<LogTime>,
+    /// Why a decoded message could not get a channel; the next flush returns it.
+    refused: Option<Error>,
+    /// Buffer of the chunk that is being written.
+    chunk: Chunk,
     latched: Latched,
     last_log_time: Option<LogTime>,
     groups: u64,
@@ -40,13 +44,6 @@ pub struct LogWriter<W: Write> {
     /// The last groups in the log, which may not have reached the disk; `None` if they are not kept.
     unsynced: Option<VecDeque<Vec<Arrival>>>,
     counters: WriteCounters,
-}
-
-struct Channel {
-    id: u16,
-    schema: String,
-    source: Option<SourceId>,
-    messages: u32,
 }
 
 impl<W: Write> LogWriter<W> {
@@ -59,19 +56,8 @@ impl<W: Write> LogWriter<W> {
         if dynamic.any(|message| message.topic == RESERVED_TOPIC) {
             return Err(Error::ReservedTopic(RESERVED_TOPIC));
         }
-        let sink = NoSeek::new(BufWriter::with_capacity(1 << 16, sink));
-        let mut mcap = WriteOptions::new()
-            .profile("")
-            .library("atvrec")
-            .compression_level(options.compression_level)
-            .compression_threads(0)
-            .chunk_size(None)
-            .disable_seeking(true)
-            .create(sink)?;
-        mcap.write_metadata(&Metadata {
-            name: RUN_METADATA.to_owned(),
-            metadata: session.to_metadata(part),
-        })?;
+        let mut mcap = McapFile::create(sink, "atvrec", Some(options.compression_level))?;
+        mcap.write_metadata(RUN_METADATA, &session.to_metadata(part))?;
         for attachment in &session.attachments {
             mcap.attach(&mcap::Attachment {
                 log_time: session.started.0,
@@ -81,7 +67,6 @@ impl<W: Write> LogWriter<W> {
                 data: attachment.data.as_slice().into(),
             })?;
         }
-        mcap.flush()?;
         let dynamic = session
             .dynamic
             .iter()
@@ -91,12 +76,13 @@ impl<W: Write> LogWriter<W> {
             mcap,
             session,
             options,
-            channels: HashMap::new(),
+            channels: Channels::default(),
             encoder: raw::Encoder::new(raw::Packing::Compact),
             group: Vec::new(),
-            decoded: Vec::new(),
-            decoded_bytes: 0,
+            decoded: Chunk::default(),
             decoded_since: None,
+            refused: None,
+            chunk: Chunk::default(),
             latched: Latched {
                 dynamic,
                 ..Latched::default()
@@ -109,33 +95,36 @@ impl<W: Write> LogWriter<W> {
         })
     }
 
-    /// Continues where another file of the run ended: repeats the last states.
-    pub(crate) fn continue_from(&mut self, mut latched: Latched) -> Result<()> {
+    /// Continues where another file of the run ended: takes the data that it could not take, and repeats the
+    /// last states.
+    pub(crate) fn continue_from(&mut self, mut latched: Latched, pending: Pending) -> Result<()> {
         let known = std::mem::take(&mut self.latched.dynamic);
         for (topic, message) in known {
             latched.dynamic.entry(topic).or_insert(message);
         }
         self.latched.dynamic = latched.dynamic.clone();
+        // Channels of the pending messages need the schemas.
+        self.resume(pending);
         let mut notices: Vec<Arrival> = latched.notices.values().cloned().collect();
         notices.sort_by_key(|arrival| arrival.sequence);
         let end = notices.last().map_or(0, |last| last.sequence + 1);
         let messages = self
             .encoder
             .encode_group(&self.session, &notices, end, true);
-        for message in messages {
-            self.write(&message)?;
+        for message in &messages {
+            self.write(message)?;
         }
         for message in latched.messages.values() {
             self.write(message)?;
             self.counters.messages += 1;
         }
         self.latched = latched;
-        Ok(self.mcap.flush()?)
+        Ok(self.mcap.write_chunk(&mut self.chunk)?)
     }
 
     /// Takes the data that a failed log could not take; nothing is written before the next flush.
-    pub(crate) fn resume(&mut self, pending: Pending) {
-        for message in pending.messages {
+    fn resume(&mut self, pending: Pending) {
+        for message in &pending.messages {
             self.keep(message);
         }
         for arrival in pending.arrivals {
@@ -145,12 +134,23 @@ impl<W: Write> LogWriter<W> {
 
     /// Abandons a failed log, without another byte to the sink.
     pub(crate) fn abandon(self) -> (Pending, Latched) {
-        // Dropping the MCAP writer would write a summary behind the gap.
-        drop(self.mcap.into_inner());
+        let messages = self.decoded.messages();
+        let messages = messages.filter_map(|(stamps, data)| {
+            let channel = self.channels.by_id(stamps.channel)?;
+            Some(Encoded {
+                topic: channel.topic.clone(),
+                schema: channel.schema.clone(),
+                source: channel.source,
+                log_time: LogTime(stamps.log_time),
+                publish_time: LogTime(stamps.publish_time),
+                data: data.to_owned(),
+            })
+        });
+        let messages = messages.collect();
         let pending = Pending {
             arrivals: self.group,
             unsynced: self.unsynced.into_iter().flatten().flatten().collect(),
-            messages: self.decoded,
+            messages,
         };
         (pending, self.latched)
     }
@@ -220,39 +220,54 @@ impl<W: Write> LogWriter<W> {
         if self.options.leaves_out(record) {
             return;
         }
-        for message in self.encode(record) {
-            self.keep(message);
-        }
+        let (session, latched) = (&self.session, &mut self.latched);
+        let (mcap, new) = (&mut self.mcap, &mut self.new_channels);
+        let new = self.unsynced.is_some().then_some(new);
+        let mut chunk = Filling {
+            mcap,
+            new,
+            chunk: &mut self.decoded,
+        };
+        let (since, refused) = (&mut self.decoded_since, &mut self.refused);
+        let messages = &mut latched.messages;
+        let name = |id| session.source_name(id);
+        let dynamic = &mut latched.dynamic;
+        self.channels
+            .messages(record, &name, dynamic, &mut |channels, message, dynamic| {
+                let channel = channels.get_mut(message.channel);
+                if channel.is_latched {
+                    let encoded = channel.encoded(&message);
+                    messages.insert((encoded.topic.clone(), encoded.source), encoded);
+                }
+                since.get_or_insert(message.log_time);
+                if let Err(error) = chunk.push(channels, &message, dynamic) {
+                    *refused = Some(error.into());
+                }
+            });
     }
 
     /// The messages that [`LogWriter::record`] makes of a record, without writing them: for
     /// comparison with those of a log.
     pub fn encode(&mut self, record: &Record) -> Vec<Encoded> {
-        let dynamic = match record {
-            Record::Sample(sample) => self.encode_dynamic(sample),
-            _ => None,
-        };
         let session = &self.session;
-        let mut messages = convert::encode(record, &|id| session.source_name(id));
-        messages.extend(dynamic);
-        messages
+        let name = |id| session.source_name(id);
+        let dynamic = &mut self.latched.dynamic;
+        self.channels.encode(record, &name, dynamic)
     }
 
-    fn keep(&mut self, message: Encoded) {
-        self.latched.see_message(&message);
+    fn keep(&mut self, message: &Encoded) {
+        self.latched.see_message(message);
         self.decoded_since.get_or_insert(message.log_time);
-        self.decoded_bytes += message.data.len() + 31;
-        self.decoded.push(message);
-    }
-
-    fn encode_dynamic(&mut self, sample: &Sample) -> Option<Encoded> {
-        let name = self.session.source_name(sample.source);
-        let (message, grew) = dynamic::encode(&mut self.latched.dynamic, sample, &name)?;
-        if grew {
-            // The schema has new fields: the topic continues in a new channel.
-            self.channels.remove(&message.topic);
+        let new = self.unsynced.is_some().then_some(&mut self.new_channels);
+        let mut chunk = Filling {
+            mcap: &mut self.mcap,
+            new,
+            chunk: &mut self.decoded,
+        };
+        let pushed = chunk.push_encoded(&mut self.channels, message, &self.latched.dynamic);
+        if let Err(error) = pushed {
+            self.refused = Some(error.into());
         }
-        Some(message)
     }
 
     /// Closes the group or the decoded chunk if they are older than they may be at `now`.
@@ -276,18 +291,17 @@ impl<W: Write> LogWriter<W> {
     pub(crate) fn decoded_is_due(&self, now: LogTime) -> bool {
         let limit = self.options.decoded_interval.as_nanos() as i64;
         self.decoded_since.is_some_and(|since| now - since >= limit)
-            || self.decoded_bytes >= self.options.decoded_chunk_bytes
+            || self.decoded.bytes() >= self.options.decoded_chunk_bytes
     }
 
     /// Whether decoded messages wait for the next flush.
     pub(crate) fn has_decoded(&self) -> bool {
-        !self.decoded.is_empty()
+        self.decoded.count() > 0
     }
 
     /// Discards the decoded messages that wait for the next flush.
     pub(crate) fn drop_decoded(&mut self) {
         self.decoded.clear();
-        self.decoded_bytes = 0;
         self.decoded_since = None;
     }
 
@@ -308,10 +322,12 @@ impl<W: Write> LogWriter<W> {
         let messages = self
             .encoder
             .encode_group(&self.session, &self.group, end, false);
+        // After an error it contains the group already.
+        self.chunk.clear();
         for message in &messages {
             self.write(message)?;
         }
-        self.mcap.flush()?;
+        self.mcap.write_chunk(&mut self.chunk)?;
         // Kept until here, so that the next file can take the open group of a failed log.
         let group = std::mem::take(&mut self.group);
         self.groups += 1;
@@ -327,78 +343,25 @@ impl<W: Write> LogWriter<W> {
     }
 
     fn flush_decoded(&mut self) -> Result<()> {
-        if self.decoded.is_empty() {
-            return Ok(());
-        }
-        let messages = std::mem::take(&mut self.decoded);
-        let written = messages
-            .iter()
-            .try_for_each(|message| self.write(message))
-            .and_then(|()| Ok(self.mcap.flush()?));
-        if let Err(error) = written {
-            self.decoded = messages;
+        if let Some(error) = self.refused.take() {
             return Err(error);
         }
-        self.counters.messages += messages.len() as u64;
-        self.decoded_bytes = 0;
+        let count = self.decoded.count();
+        self.mcap.write_chunk(&mut self.decoded)?;
+        self.counters.messages += count;
         self.decoded_since = None;
         Ok(())
     }
 
+    /// Adds a message to the chunk that is being written.
     fn write(&mut self, message: &Encoded) -> Result<()> {
-        let is_own = |channel: &Channel| {
-            channel.source == message.source && channel.schema == message.schema
+        let new = self.unsynced.is_some().then_some(&mut self.new_channels);
+        let mut chunk = Filling {
+            mcap: &mut self.mcap,
+            new,
+            chunk: &mut self.chunk,
         };
-        let known = self.channels.get(&message.topic);
-        if !known.is_some_and(|channels| channels.iter().any(is_own)) {
-            let channel = Channel {
-                id: self.add_channel(message)?,
-                schema: message.schema.clone(),
-                source: message.source,
-                messages: 0,
-            };
-            let channels = self.channels.entry(message.topic.clone()).or_default();
-            channels.push(channel);
-        }
-        let channels = self.channels.get_mut(&message.topic);
-        let Some(channel) = channels.and_then(|all| all.iter_mut().find(|one| is_own(one))) else {
-            return Ok(());
-        };
-        channel.messages = channel.messages.wrapping_add(1);
-        let header = MessageHeader {
-            channel_id: channel.id,
-            sequence: channel.messages,
-            log_time: message.log_time.0,
-            publish_time: message.publish_time.0,
-        };
-        Ok(self.mcap.write_to_known_channel(&header, &message.data)?)
-    }
-
-    fn add_channel(&mut self, message: &Encoded) -> Result<u16> {
-        let dynamic = self.latched.dynamic.get(&message.topic);
-        let descriptors = dynamic.map_or_else(
-            || schema::descriptor_set(&message.schema),
-            DynamicMessage::descriptor_set,
-        );
-        let mut metadata = channel_metadata(message.source);
-        metadata.extend(dynamic.map(DynamicMessage::metadata).unwrap_or_default());
-        let schema = self
-            .mcap
-            .add_schema(&message.schema, "protobuf", &descriptors)?;
-        let id = self
-            .mcap
-            .add_channel(schema, &message.topic, "protobuf", &metadata)?;
-        if self.unsynced.is_some() {
-            self.new_channels.push(pb::JournalChannel {
-                id: id.into(),
-                topic: message.topic.clone(),
-                metadata: metadata.into_iter().collect(),
-                schema_id: schema.into(),
-                schema: message.schema.clone(),
-                schema_data: descriptors,
-            });
-        }
-        Ok(id)
+        Ok(chunk.push_encoded(&mut self.channels, message, &self.latched.dynamic)?)
     }
 
     /// Channels that were added since the last call, of a log whose groups are kept.
@@ -425,155 +388,16 @@ impl<W: Write> LogWriter<W> {
     pub fn finish(mut self, extra: &BTreeMap<String, String>) -> Result<W> {
         self.flush()?;
         if let Some(offset) = self.latched.utc_offset() {
-            self.mcap.write_metadata(&Metadata {
-                name: UTC_METADATA.to_owned(),
-                metadata: offset.to_metadata(&self.session),
-            })?;
+            let metadata = offset.to_metadata(&self.session);
+            self.mcap.write_metadata(UTC_METADATA, &metadata)?;
         }
         let mut metadata = self.counters.to_metadata(&self.session);
         metadata.extend(extra.clone());
-        self.mcap.write_metadata(&Metadata {
-            name: COUNTERS_METADATA.to_owned(),
-            metadata,
-        })?;
-        if let Err(error) = self.mcap.finish() {
-            drop(self.mcap.into_inner());
-            return Err(error.into());
-        }
-        let buffered = self.mcap.into_inner().into_inner();
-        Ok(buffered
-            .into_inner()
-            .map_err(|refused| mcap::McapError::Io(refused.into_error()))?)
+        self.mcap.write_metadata(COUNTERS_METADATA, &metadata)?;
+        self.mcap.finish()?;
+        Ok(self.mcap.into_inner())
     }
-}
-
-/// Metadata of a channel.
-pub(crate) fn channel_metadata(source: Option<SourceId>) -> BTreeMap<String, String> {
-    source
-        .map(|source| ("source".to_owned(), source.0.to_string()))
-        .into_iter()
-        .collect()
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::{Arc, Mutex};
-    use std::time::Duration;
-
-    use sample::Payload;
-
-    use super::*;
-
-    /// Accepts a number of bytes and no more, like a disk that fills up.
-    #[derive(Clone)]
-    struct SmallDisk {
-        taken: Arc<Mutex<Vec<u8>>>,
-        room: usize,
-    }
-
-    impl Write for SmallDisk {
-        fn write(&mut self, data: &[u8]) -> std::io::Result<usize> {
-            let mut taken = self.taken.lock().expect("one thread");
-            let room = self.room - taken.len();
-            if room == 0 {
-                return Err(std::io::ErrorKind::StorageFull.into());
-            }
-            let count = room.min(data.len());
-            taken.extend_from_slice(&data[..count]);
-            Ok(count)
-        }
-
-        fn flush(&mut self) -> std::io::Result<()> {
-            Ok(())
-        }
-    }
-
-    fn arrival(sequence: u64) -> Arrival {
-        let bytes = (0..40).map(|n| (sequence * 37 + n * n) as u8).collect();
-        Arrival {
-            sequence,
-            source: SourceId(1),
-            log_time: LogTime(sequence * 10_000_000),
-            realtime_ns: sequence as i64,
-            payload: Payload::Bytes(bytes),
-        }
-    }
-
-    fn read(directory: &std::path::Path, name: &str, bytes: &[u8]) -> Vec<Arrival> {
-        let path = directory.join(name);
-        std::fs::write(&path, bytes).expect("written");
-        crate::Reader::open([path])
-            .expect("a log")
-            .arrivals()
-            .collect::<Result<_>>()
-            .expect("readable")
-    }
-
-    /// For any free space: the first log and the data that is handed over contain everything.
-    #[test]
-    fn data_that_a_full_disk_rejects_is_handed_over() {
-        let directory = tempfile::tempdir().expect("a directory");
-        let written: Vec<Arrival> = (0..200).map(arrival).collect();
-        for room in (600..6_000).step_by(97) {
-            let disk = SmallDisk {
-                taken: Arc::default(),
-                room,
-            };
-            let session = Session::default();
-            let options = Options {
-                raw_interval: Duration::from_millis(80),
-                ..Options::default()
-            };
-            let mut log = LogWriter::new(disk.clone(), session.clone(), options, 0)
-                .expect("the first bytes fit");
-            let fitted = written
-                .iter()
-                .position(|arrival| log.push(arrival.clone()).is_err())
-                .expect("the disk fills up");
-            let (pending, latched) = log.abandon();
-            let first = read(
-                directory.path(),
-                "first",
-                &disk.taken.lock().expect("one thread"),
-            );
-            let mut second = LogWriter::new(Vec::new(), session, Options::default(), 1)
-                .expect("a vector takes all");
-            second.resume(pending);
-            second.continue_from(latched).expect("a vector takes all");
-            let second = second.finish(&BTreeMap::new()).expect("a vector takes all");
-            let second = read(directory.path(), "second", &second);
-            let mut both = first.clone();
-            both.extend(
-                second
-                    .into_iter()
-                    .filter(|a| a.sequence >= first.len() as u64),
-            );
-            assert_eq!(both, written[..=fitted], "{room} bytes");
-        }
-    }
-
-    /// Data in the log that a failed sync did not write is handed over, too.
-    #[test]
-    fn groups_are_handed_over_until_they_have_reached_the_disk() {
-        let options = Options {
-            raw_interval: Duration::from_millis(100),
-            ..Options::default()
-        };
-        let abandoned = |synced: u64| -> Vec<u64> {
-            let mut log = LogWriter::new(Vec::new(), Session::default(), options.clone(), 0)
-                .expect("a vector takes all");
-            log.keep_unsynced();
-            for sequence in 0..35 {
-                log.push(arrival(sequence)).expect("a vector takes all");
-            }
-            assert_eq!(log.groups(), 3);
-            log.reached_disk(synced);
-            let (pending, _) = log.abandon();
-            let all = pending.unsynced.into_iter().chain(pending.arrivals);
-            all.map(|arrival| arrival.sequence).collect()
-        };
-        for synced in 0..=3 {
-            assert!(abandoned(synced).into_iter().eq(10 * synced..35));
-        }
-    }
-}
+mod tests;

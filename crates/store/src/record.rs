@@ -8,7 +8,7 @@ use crate::Scene;
 /// One decoded datum of a log. It is read as it was written, with these exceptions:
 /// [`Record::Estimate`] and [`Record::Truth`] are read as their parts, and the sample of a corner as
 /// its strain and its deflection. Minus zero is read as zero, except from an optional field; NaN keeps
-/// its bits.
+/// its bits. Large variants are behind pointers, because records are moved often.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Record {
     /// A measurement.
@@ -24,7 +24,7 @@ pub enum Record {
         /// Origin of the motion.
         stage: Stage,
         /// The motion.
-        motion: Motion,
+        motion: Box<Motion>,
     },
     /// Forces of the ground on the tyres: a part of an estimate or of the truth.
     TyreForces {
@@ -35,7 +35,7 @@ pub enum Record {
         /// Axes of the forces.
         frame: ForceFrame,
         /// The forces.
-        forces: PerWheel<TyreForce>,
+        forces: Box<PerWheel<TyreForce>>,
     },
     /// Rollover indicators: a part of an estimate.
     Rollover {
@@ -49,7 +49,7 @@ pub enum Record {
         /// Origin: [`Stage::Estimate`] or [`Stage::Lagged`].
         stage: Stage,
         /// The road.
-        road: Road,
+        road: Box<Road>,
     },
     /// Friction coefficient of the ground under each wheel: a part of the truth.
     Friction {
@@ -63,7 +63,7 @@ pub enum Record {
         /// The instant.
         time: LogTime,
         /// The ground.
-        ground: Ground,
+        ground: Box<Ground>,
     },
     /// Pose of the vehicle in the local earth frame of the truth.
     Pose {

@@ -42,7 +42,7 @@ pub struct Recorder {
 
 pub(crate) enum Command {
     Arrivals(Vec<Arrival>),
-    Record(Box<Record>),
+    Records(Vec<Record>),
     Rotate,
     Finish,
 }
@@ -215,22 +215,29 @@ impl Recorder {
     /// Takes a decoded record, unless [`Options::left_out`] names it. Arrivals have priority: if the queue
     /// is three quarters full, the record is lost and counted.
     pub fn record(&self, record: Record) -> bool {
-        if self.options.leaves_out(&record) {
-            return true;
+        self.record_all(vec![record]) == 0
+    }
+
+    /// Takes decoded records as one command, as [`Recorder::record`] takes one. Returns the number of lost
+    /// records; those at the end are lost.
+    pub fn record_all(&self, mut records: Vec<Record>) -> usize {
+        records.retain(|record| !self.options.leaves_out(record));
+        let count = records.len();
+        if count == 0 {
+            return 0;
         }
-        let waiting = self.shared.waiting.fetch_add(1, Ordering::Relaxed);
-        self.shared.enter_tally(&Tally::records(1));
-        let room = waiting < self.shared.capacity - self.shared.capacity / 4;
-        let taken = room
-            && self
-                .commands
-                .try_send(Command::Record(Box::new(record)))
-                .is_ok();
-        if !taken {
-            self.shared.waiting.fetch_sub(1, Ordering::Relaxed);
-            self.shared.lose_tally(&Tally::records(1));
+        let waiting = self.shared.waiting.fetch_add(count, Ordering::Relaxed);
+        self.shared.enter_tally(&Tally::records(count as u64));
+        let limit = self.shared.capacity - self.shared.capacity / 4;
+        records.truncate(limit.saturating_sub(waiting));
+        let room = records.len();
+        let is_taken = room > 0 && self.commands.try_send(Command::Records(records)).is_ok();
+        let lost = if is_taken { count - room } else { count };
+        if lost > 0 {
+            self.shared.waiting.fetch_sub(lost, Ordering::Relaxed);
+            self.shared.lose_tally(&Tally::records(lost as u64));
         }
-        taken
+        lost
     }
 
     /// Continues in a new file, without a gap.

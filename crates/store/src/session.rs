@@ -206,7 +206,7 @@ impl Options {
                 source,
                 measurement: Measurement::Signals(frame),
                 ..
-            }) => (self.left_out.get(source)).is_some_and(|names| names.contains(&frame.message)),
+            }) => (self.left_out.get(source)).is_some_and(|names| names.contains(&*frame.message)),
             _ => false,
         }
     }

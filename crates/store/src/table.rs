@@ -163,7 +163,7 @@ impl RowDecoder {
     pub fn push(&mut self, message: &Encoded) -> Result<()> {
         let pushed = self.table.push(&mut self.plan, &message.data);
         pushed.map_err(|cause| Error::BadMessage {
-            topic: message.topic.clone(),
+            topic: message.topic.to_string(),
             log_time: message.log_time.0,
             cause: cause.into(),
         })?;

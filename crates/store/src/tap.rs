@@ -18,12 +18,12 @@ use std::sync::Arc;
 use prost::Message as _;
 use sample::{LogTime, Measurement, SourceId};
 
+use crate::channels::Channels;
 use crate::convert::{self, Encoded, Envelope};
-use crate::dynamic::{self, DynamicMessage};
-use crate::log_writer::channel_metadata;
+use crate::dynamic::DynamicMessage;
 use crate::proto::atvrec as pb;
 use crate::reader::ChannelInfo;
-use crate::{Error, Record, Result, Session, schema};
+use crate::{Error, Record, Result, Session};
 
 const CHANNEL: u8 = 1;
 const MESSAGE: u8 = 2;
@@ -113,7 +113,8 @@ pub enum TapFrame {
 /// Writes the frames of one connection.
 pub struct TapEncoder {
     names: BTreeMap<SourceId, String>,
-    channels: HashMap<(String, String, Option<SourceId>), u16>,
+    /// Channels; those that are announced have numbers.
+    channels: Channels,
     next_id: u16,
     dynamic: BTreeMap<String, DynamicMessage>,
     /// Topics that the reader wants; `None` is all.
@@ -130,7 +131,7 @@ type Kind = (
 /// Topics of a kind of records, and when they were last looked at.
 #[derive(Default)]
 struct Topics {
-    topics: BTreeSet<String>,
+    topics: BTreeSet<Arc<str>>,
     is_wanted: bool,
     looked_at: LogTime,
 }
@@ -142,7 +143,7 @@ impl TapEncoder {
         let sources = session.sources.iter();
         Self {
             names: sources.map(|s| (s.id, s.name.clone())).collect(),
-            channels: HashMap::new(),
+            channels: Channels::default(),
             next_id: 0,
             dynamic: session
                 .dynamic
@@ -160,7 +161,8 @@ impl TapEncoder {
             out.extend_from_slice(hello.as_bytes());
         });
         for (topic, schema) in ANNOUNCED {
-            self.channel(topic, schema, None, out);
+            let channel = self.channels.named(topic, schema, None);
+            self.announce(channel, out);
         }
     }
 
@@ -183,35 +185,30 @@ impl TapEncoder {
         }
         let names = &self.names;
         let name = |id: SourceId| names.get(&id).cloned().unwrap_or_default();
-        let mut messages = convert::encode(record, &name);
-        if let Record::Sample(sample) = record
-            && let Some((message, grew)) =
-                dynamic::encode(&mut self.dynamic, sample, &name(sample.source))
-        {
-            if grew {
-                self.channels
-                    .retain(|(topic, _, _), _| *topic != message.topic);
-            }
-            messages.push(message);
-        }
+        let mut messages = Vec::new();
+        let dynamic = &mut self.dynamic;
+        (self.channels).messages(record, &name, dynamic, &mut |channels, message, _| {
+            let encoded = channels.get_mut(message.channel).encoded(&message);
+            messages.push((message.channel, encoded));
+        });
         let topics = self.kinds.entry(kind).or_default();
         topics.looked_at = now;
-        for message in &messages {
+        for (_, message) in &messages {
             if !topics.topics.contains(&message.topic) {
-                topics.topics.insert(message.topic.clone());
+                topics.topics.insert(Arc::clone(&message.topic));
                 let wanted = self.wanted.as_ref();
-                topics.is_wanted |= wanted.is_none_or(|set| set.contains(&message.topic));
+                topics.is_wanted |= wanted.is_none_or(|set| set.contains(&*message.topic));
             }
         }
-        for message in messages {
-            self.message(&message, out);
+        for (channel, message) in messages {
+            self.message(channel, &message, out);
         }
     }
 
-    fn message(&mut self, message: &Encoded, out: &mut Vec<u8>) {
-        let id = self.channel(&message.topic, &message.schema, message.source, out);
+    fn message(&mut self, channel: usize, message: &Encoded, out: &mut Vec<u8>) {
+        let id = self.announce(channel, out);
         let wanted = self.wanted.as_ref();
-        if wanted.is_some_and(|topics| !topics.contains(&message.topic)) {
+        if wanted.is_some_and(|topics| !topics.contains(&*message.topic)) {
             return;
         }
         frame(out, MESSAGE, |out| {
@@ -223,37 +220,26 @@ impl TapEncoder {
     }
 
     /// Number of a channel; announces it if it is new.
-    fn channel(
-        &mut self,
-        topic: &str,
-        schema: &str,
-        source: Option<SourceId>,
-        out: &mut Vec<u8>,
-    ) -> u16 {
-        let key = (topic.to_owned(), schema.to_owned(), source);
-        if let Some(id) = self.channels.get(&key) {
-            return *id;
+    fn announce(&mut self, channel: usize, out: &mut Vec<u8>) -> u16 {
+        let channel = self.channels.get_mut(channel);
+        if let Some(id) = channel.id {
+            return id;
         }
         let id = self.next_id;
         self.next_id = self.next_id.wrapping_add(1);
-        let dynamic = self.dynamic.get(topic);
-        let mut metadata = channel_metadata(source);
-        metadata.extend(dynamic.map(DynamicMessage::metadata).unwrap_or_default());
+        channel.id = Some(id);
+        let (schema_data, metadata) = channel.description(&self.dynamic);
         let message = pb::JournalChannel {
             id: id.into(),
-            topic: topic.to_owned(),
+            topic: channel.topic.to_string(),
             metadata: metadata.into_iter().collect(),
             schema_id: 0,
-            schema: schema.to_owned(),
-            schema_data: dynamic.map_or_else(
-                || schema::descriptor_set(schema),
-                DynamicMessage::descriptor_set,
-            ),
+            schema: channel.schema.to_string(),
+            schema_data,
         };
         frame(out, CHANNEL, |out| {
             out.extend_from_slice(&message.encode_to_vec());
         });
-        self.channels.insert(key, id);
         id
     }
 
@@ -423,9 +409,9 @@ mod tests {
 
     fn control(time: u64, names: &[&str]) -> Record {
         let values = names.iter().map(|name| Signal {
-            name: (*name).to_owned(),
+            name: (*name).into(),
             value: 2.0,
-            unit: "V".to_owned(),
+            unit: "V".into(),
         });
         Record::Sample(Sample {
             source: SourceId(0),

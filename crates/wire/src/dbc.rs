@@ -155,13 +155,13 @@ impl Database {
         let signals = message
             .decode(frame.bytes())
             .map(|value| sample::Signal {
-                name: value.signal.name.clone(),
+                name: value.signal.name.as_str().into(),
                 value: value.physical,
-                unit: value.signal.unit.clone(),
+                unit: value.signal.unit.as_str().into(),
             })
             .collect();
         Some(SignalFrame {
-            message: message.name.clone(),
+            message: message.name.as_str().into(),
             id: frame.id,
             signals,
         })

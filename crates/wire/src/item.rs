@@ -190,9 +190,9 @@ impl IntoIterator for Measurements {
 /// Values by name, each with its unit.
 pub(crate) fn values(all: &[(&str, f64, &str)]) -> ControlSample {
     let values = all.iter().map(|(name, value, unit)| Signal {
-        name: (*name).to_owned(),
+        name: (*name).into(),
         value: *value,
-        unit: (*unit).to_owned(),
+        unit: (*unit).into(),
     });
     ControlSample {
         values: values.collect(),

@@ -253,9 +253,9 @@ fn measurement(reading: &Reading, format: &Format) -> Measurement {
     Measurement::Control(ControlSample {
         values: named()
             .map(|(field, value)| Signal {
-                name: field.name.clone(),
+                name: field.name.as_str().into(),
                 value: *value,
-                unit: field.unit.clone(),
+                unit: field.unit.as_str().into(),
             })
             .collect(),
     })
@@ -305,7 +305,7 @@ mod tests {
         };
         let half_count = std::f64::consts::PI / 2000.0;
         assert!((control.values[0].value + 0.5).abs() <= half_count);
-        assert_eq!(control.values[0].unit, "rad");
+        assert_eq!(&*control.values[0].unit, "rad");
         assert_eq!(statistics.unknown, 1);
     }
 

@@ -134,7 +134,7 @@ fn trouble(reader: &Reader, info: &Info) -> Vec<Trouble> {
             continue;
         };
         let value = |name: &str| {
-            let signal = signals.iter().find(|signal| signal.name == name);
+            let signal = signals.iter().find(|signal| &*signal.name == name);
             signal.map(|signal| signal.value)
         };
         let source_address = value("j1939_source_address").unwrap_or(f64::NAN) as u8;

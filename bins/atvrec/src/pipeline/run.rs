@@ -36,6 +36,8 @@ const DECODER_PERIOD: Duration = Duration::from_millis(50);
 const ARRIVALS_MAX: usize = 4_096;
 /// Number of waiting arrivals from which a thread polls without a pause.
 const ARRIVALS_MANY: usize = 1_024;
+/// Number of records that are given to the writer before the other arrivals are processed.
+const RECORDS_MANY: usize = 256;
 /// Time between two checks of the disk: losses and waiting data.
 const DISK_INTERVAL: Duration = Duration::from_secs(1);
 /// Time between two warnings of a slow disk.
@@ -305,6 +307,7 @@ impl EngineThread {
         for arrival in std::mem::take(&mut self.backlog) {
             wait_for_writer(&self.recorder, &self.queue);
             self.step(&arrival, &mut records, &mut progress);
+            self.recorder.record_all(std::mem::take(&mut records));
         }
         let mut received = Vec::new();
         let period = if self.engine.estimates() {
@@ -315,16 +318,20 @@ impl EngineThread {
         while receive(&mut self.queue, &mut received, period) {
             for arrival in received.drain(..) {
                 self.step(&arrival, &mut records, &mut progress);
+                if records.len() >= RECORDS_MANY {
+                    self.recorder.record_all(std::mem::take(&mut records));
+                }
             }
+            self.recorder.record_all(std::mem::take(&mut records));
         }
         (self.engine, progress)
     }
 
     fn step(&mut self, arrival: &Arrival, records: &mut Vec<Record>, progress: &mut Progress) {
+        let known = records.len();
         self.engine.push(arrival, records);
-        for record in records.drain(..) {
-            self.sink.append(&record, arrival);
-            self.recorder.record(record);
+        for record in &records[known..] {
+            self.sink.append(record, arrival);
         }
         *progress = Progress {
             time: arrival.log_time,

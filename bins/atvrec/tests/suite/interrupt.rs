@@ -53,16 +53,16 @@ fn estimate(time: LogTime, stage: Stage) -> [Record; 3] {
         time,
         stage,
         frame,
-        forces,
+        forces: Box::new(forces),
     };
     [
         Record::Motion {
             time,
             stage,
-            motion: Motion {
+            motion: Box::new(Motion {
                 velocity_x_m_s: 10.0,
                 ..Motion::default()
-            },
+            }),
         },
         of_frame(ForceFrame::WheelCarrier),
         of_frame(ForceFrame::Contact),

@@ -99,13 +99,13 @@ fn estimates(from_s: f64, to_s: f64) -> Vec<Record> {
             Record::Motion {
                 time,
                 stage: Stage::Estimate,
-                motion,
+                motion: Box::new(motion),
             },
             Record::TyreForces {
                 time,
                 stage: Stage::Estimate,
                 frame: ForceFrame::Contact,
-                forces,
+                forces: Box::new(forces),
             },
         ]
     };

@@ -1,5 +1,7 @@
 //! Decodes CAN frames to signals and measurements.
 
+use std::sync::Arc;
+
 use model::sensors::{HubAcceleration, Potentiometers};
 use model::strain::ABSENT_COUNT;
 use sample::{
@@ -53,12 +55,39 @@ pub struct Scales {
 
 struct Decodable {
     database: Database,
-    /// Name of each message in the log.
-    names: Vec<String>,
-    /// Role of each signal of each message.
-    roles: Vec<Vec<Option<Role>>>,
-    /// Latency of each message, s, where it is not that of the source.
-    latencies_s: Vec<Option<f64>>,
+    /// Plan of each message.
+    plans: Vec<Plan>,
+}
+
+/// What the frames of a message have in common, prepared so that a frame copies no texts.
+struct Plan {
+    /// Name in the log.
+    name: Arc<str>,
+    /// Each signal, in the order of the definition.
+    signals: Vec<SignalPlan>,
+    /// Latency, s, where it is not that of the source.
+    latency_s: Option<f64>,
+}
+
+struct SignalPlan {
+    name: Arc<str>,
+    unit: Arc<str>,
+    role: Option<Role>,
+}
+
+impl Plan {
+    fn new(message: &MessageDef, name: &str, latency_s: Option<f64>) -> Self {
+        let signals = message.signals.iter().map(|signal| SignalPlan {
+            name: signal.name.as_str().into(),
+            unit: signal.unit.as_str().into(),
+            role: None,
+        });
+        Self {
+            name: name.into(),
+            signals: signals.collect(),
+            latency_s,
+        }
+    }
 }
 
 /// Arrival of frames.
@@ -114,12 +143,11 @@ impl CanDecoder {
             .iter()
             .zip(meaning.names.iter().zip(&meaning.latencies_s))
             .map(|(database, (names, latencies_s))| Decodable {
-                names: names.clone(),
-                latencies_s: latencies_s.clone(),
-                roles: database
+                plans: database
                     .messages()
                     .iter()
-                    .map(|message| vec![None; message.signals.len()])
+                    .zip(names.iter().zip(latencies_s))
+                    .map(|(message, (name, latency_s))| Plan::new(message, name, *latency_s))
                     .collect(),
                 database: database.clone(),
             })
@@ -127,10 +155,10 @@ impl CanDecoder {
         for role in &meaning.roles {
             let slot = databases
                 .get_mut(role.database)
-                .and_then(|decodable| decodable.roles.get_mut(role.message))
-                .and_then(|message| message.get_mut(role.signal));
-            if let Some(slot) = slot {
-                *slot = Some(role.role);
+                .and_then(|decodable| decodable.plans.get_mut(role.message))
+                .and_then(|plan| plan.signals.get_mut(role.signal));
+            if let Some(signal) = slot {
+                signal.role = Some(role.role);
             }
         }
         Self {
@@ -175,9 +203,9 @@ impl CanDecoder {
             return;
         };
         let signal = |name: String, value: f64| Signal {
-            name,
+            name: name.into(),
             value,
-            unit: String::new(),
+            unit: "".into(),
         };
         let lamps = Lamps::NAMES.into_iter().zip(lamps.states);
         let mut signals: Vec<Signal> = lamps
@@ -194,7 +222,7 @@ impl CanDecoder {
         sink.push(arrived.sample(
             frame,
             Measurement::Signals(SignalFrame {
-                message: DM1.to_owned(),
+                message: DM1.into(),
                 id,
                 signals,
             }),
@@ -213,27 +241,22 @@ impl CanDecoder {
         let found = self.databases.iter().find_map(|decodable| {
             let position = decodable.database.position(id, frame.flags.extended)?;
             let message = &decodable.database.messages()[position];
-            Some((
-                message,
-                &decodable.names[position],
-                &decodable.roles[position],
-                decodable.latencies_s[position],
-            ))
+            Some((message, &decodable.plans[position]))
         });
-        let Some((message, name, roles, latency_s)) = found else {
+        let Some((message, plan)) = found else {
             return;
         };
         let arrived = Arrived {
-            latency_s: latency_s.unwrap_or(arrived.latency_s),
+            latency_s: plan.latency_s.unwrap_or(arrived.latency_s),
             ..*arrived
         };
         let mut emit = |measurement| sink.push(arrived.sample(frame, measurement));
-        let (mut signals, measured) = decode(message, roles, data, &self.scales);
+        let (mut signals, measured) = decode(message, plan, data, &self.scales);
         if message.j1939 {
             signals.extend(identity(id));
         }
         emit(Measurement::Signals(SignalFrame {
-            message: name.clone(),
+            message: Arc::clone(&plan.name),
             id,
             signals,
         }));
@@ -262,9 +285,9 @@ impl CanDecoder {
 /// What tells the senders of a parameter group apart.
 fn identity(id: u32) -> [Signal; 2] {
     let signal = |name: &str, value: f64| Signal {
-        name: name.to_owned(),
+        name: name.into(),
         value,
-        unit: String::new(),
+        unit: "".into(),
     };
     [
         signal(store::CAN_ID, f64::from(id)),
@@ -274,19 +297,20 @@ fn identity(id: u32) -> [Signal; 2] {
 
 fn decode(
     message: &MessageDef,
-    roles: &[Option<Role>],
+    plan: &Plan,
     data: &[u8],
     scales: &Scales,
 ) -> (Vec<Signal>, Measured) {
     let mut measured = Measured::default();
     let mut signals = Vec::with_capacity(message.signals.len());
     for value in message.decode(data) {
+        let signal = &plan.signals[value.index];
         signals.push(Signal {
-            name: value.signal.name.clone(),
+            name: Arc::clone(&signal.name),
             value: value.physical,
-            unit: value.signal.unit.clone(),
+            unit: Arc::clone(&signal.unit),
         });
-        match roles.get(value.index).copied().flatten() {
+        match signal.role {
             Some(Role::Steer(factor)) => measured.steer_rad = Some(value.physical * factor),
             Some(Role::SteerRod(side, factor)) => {
                 measured.rods_m[side as usize] = match factor {
@@ -341,9 +365,9 @@ impl Measured {
         let values: Vec<Signal> = named
             .filter_map(|(name, value)| {
                 Some(Signal {
-                    name: name.to_owned(),
+                    name: name.into(),
                     value: value?,
-                    unit: "N".to_owned(),
+                    unit: "N".into(),
                 })
             })
             .collect();
@@ -563,13 +587,13 @@ mod tests {
             .collect();
         let value = |frame: &SignalFrame, name: &str| {
             let mut all = frame.signals.iter();
-            all.find(|signal| signal.name == name).map(|s| s.value)
+            all.find(|signal| *signal.name == *name).map(|s| s.value)
         };
         assert_eq!(signals.len(), 2, "{signals:?}");
-        assert_eq!(signals[0].message, "LONG");
+        assert_eq!(&*signals[0].message, "LONG");
         assert_eq!(value(signals[0], "late"), Some(f64::from(1 << 8 | 16)));
         assert_eq!(value(signals[0], "j1939_source_address"), Some(51.0));
-        assert_eq!(signals[1].message, DM1);
+        assert_eq!(&*signals[1].message, DM1);
         let expected = [
             ("lamp_amber_warning", 1.0),
             ("codes", 1.0),

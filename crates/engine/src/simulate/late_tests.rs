@@ -197,7 +197,7 @@ fn estimate(simulated: &VirtualDrive, config: &Config, arrivals: Arrivals) -> Ou
                 frame: ForceFrame::WheelCarrier,
                 forces,
             }) => {
-                found[1].insert(time, forces);
+                found[1].insert(time, *forces);
             }
             Entry::Record(Record::Event(event)) => {
                 if let EventKind::SensorFault(name) = event.kind {

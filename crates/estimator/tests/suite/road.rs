@@ -167,9 +167,9 @@ fn hitch_samples(run: &Run, force_n: impl Fn(f64) -> [f64; 3]) -> Vec<Sample> {
             .into_iter()
             .zip(force_n(time_s))
             .map(|(name, value)| Signal {
-                name: name.to_owned(),
+                name: name.into(),
                 value,
-                unit: "N".to_owned(),
+                unit: "N".into(),
             });
         Sample {
             source: SourceId(3),

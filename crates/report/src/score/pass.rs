@@ -192,8 +192,8 @@ impl<'a> Pass<'a> {
             Record::Friction { time, coefficient } => {
                 self.surfaces.push_friction(time, coefficient)
             }
-            Record::Road { stage, road, .. } => self.ground.push_road(stage, road),
-            Record::Ground { time, ground } => self.ground.push_ground(time, ground),
+            Record::Road { stage, road, .. } => self.ground.push_road(stage, *road),
+            Record::Ground { time, ground } => self.ground.push_ground(time, *ground),
             _ => {}
         }
     }

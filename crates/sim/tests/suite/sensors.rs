@@ -159,10 +159,10 @@ fn frames_are_those_of_the_project_s_dbc() {
         };
         let decoded = database.decode(frame).expect("a frame of the DBC");
         let value = |name: &str| {
-            let signal = decoded.signals.iter().find(|s| s.name == name);
+            let signal = decoded.signals.iter().find(|s| *s.name == *name);
             signal.map(|s| s.value).expect("a signal of the DBC")
         };
-        match decoded.message.as_str() {
+        match &*decoded.message {
             "Steering" => assert!((value("hand_wheel_angle") - 22.9).abs() < 3.0),
             "WheelSpeed" => assert!((value("RR") - 20.0).abs() < 1.0),
             "Corner_RL" => assert!((value("deflection") - 559.0).abs() < 6.0),

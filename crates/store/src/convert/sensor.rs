@@ -3,99 +3,95 @@
 use prost::Message as _;
 use sample::{
     Attitude, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
-    GroundSpeedSample, HubAccelerationSample, ImuSample, LogTime, Measurement, Sample, SteerSample,
-    StrainChannel, Wheel, WheelSpeedSample,
+    GroundSpeedSample, HubAccelerationSample, ImuSample, LogTime, Measurement, Sample, SourceId,
+    SteerSample, StrainChannel, Wheel, WheelSpeedSample,
 };
 
-use super::{Encoded, array, enu_array, narrow, timestamp, vector};
+use super::{Emitter, Topic, array, enu_array, narrow, timestamp, vector};
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
 use crate::wheels::{WheelEntry, entries, per_wheel, position};
 
-pub(super) fn encode_sample(sample: &Sample, name: &str) -> Vec<Encoded> {
+/// Passes the messages of a sample to `to`.
+pub(super) fn emit_sample(
+    sample: &Sample,
+    name: &dyn Fn(SourceId) -> String,
+    to: &mut Emitter<'_>,
+) {
     let device_time = sample.device_time.map(device_time_to_proto);
-    let topic = |topic: String| (topic, sample.log_time, sample.valid_time);
-    macro_rules! message {
-        ($topic:expr, $message:expr) => {{
-            let (topic, log, valid) = topic($topic);
-            Encoded::new(topic, log, valid, $message)
-        }};
+    macro_rules! emit {
+        ($topic:expr, $message:expr) => {
+            to.emit($topic, sample.log_time, sample.valid_time, $message)
+        };
     }
     match &sample.measurement {
-        Measurement::Imu(imu) => vec![message!(
-            format!("/imu/{name}"),
-            &imu_to_proto(imu, device_time)
-        )],
-        Measurement::GnssPosition(position) => {
-            let own = message!(
-                format!("/gnss/{name}/position"),
-                &position_to_proto(position, device_time)
-            );
-            // `LocationFix` cannot say that there is no solution.
-            let fix = position.quality.is_solved().then(|| {
-                message!(
-                    format!("/gnss/{name}/fix"),
-                    &location_fix(position, name, sample.valid_time)
-                )
-            });
-            std::iter::once(own).chain(fix).collect()
+        Measurement::Imu(imu) => {
+            emit!(Topic::Source("/imu/", ""), &imu_to_proto(imu, device_time));
         }
-        Measurement::GnssVelocity(velocity) => vec![message!(
-            format!("/gnss/{name}/velocity"),
-            &velocity_to_proto(velocity, device_time)
-        )],
-        Measurement::GnssAttitude(attitude) => vec![message!(
-            format!("/gnss/{name}/attitude"),
-            &gnss_attitude_to_proto(attitude, device_time)
-        )],
-        Measurement::Attitude(attitude) => vec![message!(
-            format!("/imu/{name}/attitude"),
-            &pb::Attitude {
+        Measurement::GnssPosition(position) => {
+            let own = position_to_proto(position, device_time);
+            emit!(Topic::Source("/gnss/", "/position"), &own);
+            // `LocationFix` cannot say that there is no solution.
+            if position.quality.is_solved() {
+                let fix = location_fix(position, name(sample.source), sample.valid_time);
+                emit!(Topic::Source("/gnss/", "/fix"), &fix);
+            }
+        }
+        Measurement::GnssVelocity(velocity) => {
+            let message = velocity_to_proto(velocity, device_time);
+            emit!(Topic::Source("/gnss/", "/velocity"), &message);
+        }
+        Measurement::GnssAttitude(attitude) => {
+            let message = gnss_attitude_to_proto(attitude, device_time);
+            emit!(Topic::Source("/gnss/", "/attitude"), &message);
+        }
+        Measurement::Attitude(attitude) => {
+            let message = pb::Attitude {
                 roll_rad: attitude.roll_rad,
                 pitch_rad: attitude.pitch_rad,
                 yaw_rad: attitude.yaw_rad,
                 device_time,
-            }
-        )],
-        Measurement::Corner(corner) => {
-            let strain = corner.strain_counts.iter().any(Option::is_some);
-            let strain =
-                strain.then(|| message!("/strain".to_owned(), &strain_of(corner, device_time)));
-            let deflection = corner.deflection_counts.map(|counts| {
-                message!(
-                    "/deflection".to_owned(),
-                    &deflection_of(corner.wheel, counts, device_time)
-                )
-            });
-            strain.into_iter().chain(deflection).collect()
+            };
+            emit!(Topic::Source("/imu/", "/attitude"), &message);
         }
-        Measurement::Steer(steer) => vec![message!(
-            "/steer".to_owned(),
-            &pb::Steer {
+        Measurement::Corner(corner) => {
+            if corner.strain_counts.iter().any(Option::is_some) {
+                emit!(Topic::Fixed("/strain"), &strain_of(corner, device_time));
+            }
+            if let Some(counts) = corner.deflection_counts {
+                let message = deflection_of(corner.wheel, counts, device_time);
+                emit!(Topic::Fixed("/deflection"), &message);
+            }
+        }
+        Measurement::Steer(steer) => {
+            let message = pb::Steer {
                 steering_wheel_rad: steer.steering_wheel_rad,
                 device_time,
-            }
-        )],
-        Measurement::WheelSpeed(speed) => vec![message!(
-            "/wheel_speed".to_owned(),
-            &pb::WheelSpeed {
+            };
+            emit!(Topic::Fixed("/steer"), &message);
+        }
+        Measurement::WheelSpeed(speed) => {
+            let message = pb::WheelSpeed {
                 wheels: speeds_to_proto(speed),
                 device_time,
-            }
-        )],
-        Measurement::GroundSpeed(speed) => vec![message!(
-            format!("/ground_speed/{name}"),
-            &pb::GroundSpeed {
+            };
+            emit!(Topic::Fixed("/wheel_speed"), &message);
+        }
+        Measurement::GroundSpeed(speed) => {
+            let message = pb::GroundSpeed {
                 forward_m_s: speed.forward_m_s,
                 leftward_m_s: speed.leftward_m_s,
                 device_time,
-            }
-        )],
-        Measurement::HubAcceleration(hub) => vec![message!(
-            "/hub_acceleration".to_owned(),
-            &hub_to_proto(hub, device_time)
-        )],
-        Measurement::Control(_) | Measurement::Signals(_) => Vec::new(),
+            };
+            emit!(Topic::Source("/ground_speed/", ""), &message);
+        }
+        Measurement::HubAcceleration(hub) => {
+            emit!(
+                Topic::Fixed("/hub_acceleration"),
+                &hub_to_proto(hub, device_time)
+            );
+        }
+        Measurement::Control(_) | Measurement::Signals(_) => {}
     }
 }
 
@@ -194,7 +190,7 @@ pub(super) fn position_to_proto(
 
 pub(super) fn location_fix(
     position: &GnssPosition,
-    name: &str,
+    name: String,
     time: LogTime,
 ) -> foxglove::LocationFix {
     use foxglove::location_fix::PositionCovarianceType as Covariance;
@@ -209,7 +205,7 @@ pub(super) fn location_fix(
     };
     foxglove::LocationFix {
         timestamp: Some(timestamp(time)),
-        frame_id: name.to_owned(),
+        frame_id: name,
         latitude: position.latitude_rad.to_degrees(),
         longitude: position.longitude_rad.to_degrees(),
         altitude: position.height_m,

@@ -1,9 +1,11 @@
 //! Data that one file of a run hands over to the next.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use sample::{Arrival, Notice, Payload, SourceId};
 
+use crate::channels::LATCHED;
 use crate::convert::{self, Encoded, Envelope};
 use crate::dynamic::DynamicMessage;
 use crate::{Record, UtcOffset};
@@ -13,7 +15,7 @@ use crate::{Record, UtcOffset};
 #[derive(Clone, Default)]
 pub(crate) struct Latched {
     pub(super) notices: BTreeMap<SourceId, Arrival>,
-    pub(super) messages: BTreeMap<(String, Option<SourceId>), Encoded>,
+    pub(super) messages: BTreeMap<(Arc<str>, Option<SourceId>), Encoded>,
     /// Messages of the DBC files and of controllers, by topic.
     pub(super) dynamic: BTreeMap<String, DynamicMessage>,
 }
@@ -27,7 +29,7 @@ impl Latched {
 
     /// The last offset of UTC, of this file or of the files before.
     pub(super) fn utc_offset(&self) -> Option<UtcOffset> {
-        let message = self.messages.get(&("/utc_offset".to_owned(), None))?;
+        let message = self.messages.get(&("/utc_offset".into(), None))?;
         let envelope = Envelope {
             topic: &message.topic,
             schema: &message.schema,
@@ -42,10 +44,7 @@ impl Latched {
     }
 
     pub(super) fn see_message(&mut self, message: &Encoded) {
-        if matches!(
-            message.schema.as_str(),
-            "atvrec.ClockFit" | "atvrec.Health" | "atvrec.UtcOffset"
-        ) {
+        if LATCHED.contains(&&*message.schema) {
             let key = (message.topic.clone(), message.source);
             self.messages.insert(key, message.clone());
         }

@@ -168,6 +168,8 @@ struct Located {
     header: MessageHeader,
     /// Bytes of the records of the part; `None` if the contents were converted.
     data: Option<Range<usize>>,
+    /// Where its record begins in the part.
+    start: usize,
 }
 
 impl MessageIter {
@@ -198,6 +200,14 @@ impl MessageIter {
 
     /// The next message, without a copy of its contents.
     pub fn next_ref(&mut self) -> Option<Result<MessageRef<'_>>> {
+        self.next_ref_if(|_| true)
+    }
+
+    /// The next message if its log time is accepted; otherwise it remains the next one.
+    pub fn next_ref_if(
+        &mut self,
+        accept: impl FnOnce(LogTime) -> bool,
+    ) -> Option<Result<MessageRef<'_>>> {
         let located = loop {
             if let Some(located) = self.next_of_part() {
                 break located;
@@ -211,8 +221,16 @@ impl MessageIter {
                 }
             }
         };
-        let open = self.open.as_ref()?;
-        let Located { header, data } = located;
+        let open = self.open.as_mut()?;
+        let Located {
+            header,
+            data,
+            start,
+        } = located;
+        if !accept(LogTime(header.log_time)) {
+            open.done = start;
+            return None;
+        }
         let channel = open
             .channels
             .get(usize::from(header.channel_id))?
@@ -288,6 +306,7 @@ impl MessageIter {
     fn next_of_part(&mut self) -> Option<Located> {
         let open = self.open.as_mut()?;
         while let Some((opcode, body, _)) = scan::split_record(&open.records[open.done..]) {
+            let start = open.done;
             open.done += scan::PREFIX as usize + body.len();
             if opcode == op::MESSAGE
                 && let Some((header, data)) = scan::message(body)
@@ -296,12 +315,20 @@ impl MessageIter {
             {
                 if !channel.is_earlier {
                     let data = Some(open.done - data.len()..open.done);
-                    return Some(Located { header, data });
+                    return Some(Located {
+                        header,
+                        data,
+                        start,
+                    });
                 }
                 match earlier::message(&channel.schema, data) {
                     Ok(data) => {
                         self.converted = data;
-                        return Some(Located { header, data: None });
+                        return Some(Located {
+                            header,
+                            data: None,
+                            start,
+                        });
                     }
                     Err(cause) => self.missing.push(Missing::BadMessage {
                         topic: channel.topic.clone(),
@@ -385,9 +412,9 @@ pub(super) fn record(message: MessageRef<'_>) -> Result<Option<Record>> {
         } else {
             let name = channel.topic.rsplit('/').next().unwrap_or_default();
             let id = channel.metadata.get("can_id");
-            let of_frame = signals.iter().find(|signal| signal.name == CAN_ID);
+            let of_frame = signals.iter().find(|signal| &*signal.name == CAN_ID);
             Measurement::Signals(SignalFrame {
-                message: name.to_owned(),
+                message: name.into(),
                 id: match (id, of_frame) {
                     (None, Some(signal)) => signal.value as u32,
                     (id, _) => id.and_then(|id| id.parse().ok()).unwrap_or_default(),
@@ -451,7 +478,7 @@ impl EstimateJoiner {
             .open
             .get_or_insert_with(|| Box::new(unknown_estimate(time)));
         match record {
-            Record::Motion { motion, .. } => estimate.motion = *motion,
+            Record::Motion { motion, .. } => estimate.motion = **motion,
             Record::Rollover { rollover, .. } => estimate.rollover = *rollover,
             Record::TyreForces {
                 forces,
@@ -459,9 +486,9 @@ impl EstimateJoiner {
                 stage: of,
                 ..
             } => match frame {
-                _ if *of != self.stage => estimate.expected = *forces,
-                ForceFrame::Contact => estimate.measured = *forces,
-                ForceFrame::WheelCarrier => estimate.carrier = *forces,
+                _ if *of != self.stage => estimate.expected = **forces,
+                ForceFrame::Contact => estimate.measured = **forces,
+                ForceFrame::WheelCarrier => estimate.carrier = **forces,
             },
             _ => {}
         }

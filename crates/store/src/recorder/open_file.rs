@@ -106,8 +106,7 @@ impl OpenFile {
     /// Repeats the last states, and takes the data that another file could not take.
     pub(crate) fn begin(&mut self, latched: Latched, pending: Pending) -> Result<()> {
         self.since = pending.arrivals.first().map(|arrival| arrival.log_time);
-        self.writer.resume(pending);
-        self.writer.continue_from(latched)?;
+        self.writer.continue_from(latched, pending)?;
         self.writer.flush_raw()?;
         self.begin_journal_group()
     }

@@ -98,9 +98,11 @@ impl Worker {
                         }
                     }
                 }
-                Ok(Command::Record(record)) => {
-                    self.shared.taken();
-                    self.record(&record);
+                Ok(Command::Records(records)) => {
+                    for record in records {
+                        self.shared.taken();
+                        self.record(&record);
+                    }
                 }
                 Ok(Command::Rotate) => {}
                 Err(RecvTimeoutError::Timeout) => self.idle(),

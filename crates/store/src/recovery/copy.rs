@@ -8,11 +8,12 @@ use mcap::write::{Metadata, NoSeek, WriteOptions};
 use sample::SourceId;
 
 use super::{Loss, RECOVERED_METADATA};
+use crate::channels::channel_metadata;
 use crate::convert::Encoded;
 use crate::reader::{Definitions, Index, ScanOptions, placeholder};
 use crate::scan::{self, Ending, Item, Scanner, Walker};
 use crate::session::{COUNTERS_METADATA, RUN_METADATA};
-use crate::{Losses, Result, Session, WriteCounters, journal, log_writer, raw, schema};
+use crate::{Losses, Result, Session, WriteCounters, journal, raw, schema};
 
 /// Largest number of losses that are listed in the log.
 const NAMED_MAX: usize = 64;
@@ -330,7 +331,7 @@ impl<W: Write> Copy<'_, W> {
                 "protobuf",
                 &schema::descriptor_set(&batch.schema),
             )?;
-            let metadata = log_writer::channel_metadata(batch.source);
+            let metadata = channel_metadata(batch.source);
             let channel = self
                 .writer
                 .add_channel(schema, &batch.topic, "protobuf", &metadata)?;

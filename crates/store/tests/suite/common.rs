@@ -163,13 +163,13 @@ pub fn records(time: LogTime) -> Vec<Record> {
         Record::Motion {
             time,
             stage: Stage::Estimate,
-            motion: motion(),
+            motion: Box::new(motion()),
         },
         Record::TyreForces {
             time,
             stage: Stage::Model,
             frame: ForceFrame::WheelCarrier,
-            forces: forces(1.5),
+            forces: Box::new(forces(1.5)),
         },
         Record::Friction {
             time,
@@ -177,7 +177,7 @@ pub fn records(time: LogTime) -> Vec<Record> {
         },
         Record::Ground {
             time,
-            ground: Ground {
+            ground: Box::new(Ground {
                 wheels: PerWheel::from_fn(|wheel| WheelGround {
                     normal_body: [0.01, 0.02, 0.99],
                     spindle_body: [0.03, 0.98, 0.04],
@@ -186,7 +186,7 @@ pub fn records(time: LogTime) -> Vec<Record> {
                     ground_height_m: Some(0.25),
                 }),
                 road_class: Some("C".to_owned()),
-            },
+            }),
         },
         Record::Pose {
             time,
@@ -199,7 +199,7 @@ pub fn records(time: LogTime) -> Vec<Record> {
         },
         Record::Road {
             stage: Stage::Estimate,
-            road: road(time),
+            road: Box::new(road(time)),
         },
         Record::Parameters(Box::new(parameters(time))),
         Record::Health(health(time)),
@@ -283,9 +283,9 @@ fn parameters(time: LogTime) -> Parameters {
 
 fn measurements(time: LogTime) -> Vec<Record> {
     let signal = |name: &str, value, unit: &str| Signal {
-        name: name.to_owned(),
+        name: name.into(),
         value,
-        unit: unit.to_owned(),
+        unit: unit.into(),
     };
     let corner = |strain, deflection| CornerSample {
         wheel: Wheel::RearLeft,
@@ -415,7 +415,7 @@ fn measurements(time: LogTime) -> Vec<Record> {
             1,
             time,
             Measurement::Signals(SignalFrame {
-                message: "StrainFL".to_owned(),
+                message: "StrainFL".into(),
                 id: 0x100,
                 signals: vec![signal("upper_rear", 511.0, "count")],
             }),

@@ -188,9 +188,9 @@ fn minus_zero_loses_its_sign_and_nan_keeps_its_bits() {
     written.motion.velocity_y_m_s = -0.0;
     written.motion.sideslip_rad = nan;
     let signal = |value| sample::Signal {
-        name: "x".to_owned(),
+        name: "x".into(),
         value,
-        unit: String::new(),
+        unit: "".into(),
     };
     let control = Record::Sample(sample::Sample {
         source: sample::SourceId(1),

@@ -57,9 +57,9 @@ impl Row {
         match column.quantity {
             Quantity::Truth(_) => {}
             Quantity::Signal => self.signals.push(Signal {
-                name: column.name.clone(),
+                name: column.name.as_str().into(),
                 value,
-                unit: column.unit.clone(),
+                unit: column.unit.as_str().into(),
             }),
             quantity => {
                 self.values.insert(quantity, value);

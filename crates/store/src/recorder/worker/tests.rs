@@ -106,9 +106,9 @@ fn arrivals_that_cannot_be_written_again_are_counted() {
 
 fn control(log_time: u64, names: &[&str]) -> Record {
     let value = |name: &&str| sample::Signal {
-        name: (*name).to_owned(),
+        name: (*name).into(),
         value: 1.0,
-        unit: "1".to_owned(),
+        unit: "1".into(),
     };
     Record::Sample(sample::Sample {
         source: SOURCE,

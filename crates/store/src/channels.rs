@@ -1,0 +1,230 @@
+//! Channels of a log: topics and schemas that are made once, and the messages of records in them.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use sample::{LogTime, Sample, SourceId};
+
+use crate::Record;
+use crate::convert::{self, Address, Body, Encoded};
+use crate::dynamic::{self, DynamicMessage};
+use crate::schema;
+
+/// Schemas of the last states, which the next file of a run repeats.
+pub(crate) const LATCHED: [&str; 3] = ["atvrec.ClockFit", "atvrec.Health", "atvrec.UtcOffset"];
+
+/// Bytes of most messages.
+const MESSAGE_BYTES: usize = 256;
+
+/// A channel.
+pub(crate) struct Channel {
+    pub topic: Arc<str>,
+    pub schema: Arc<str>,
+    pub source: Option<SourceId>,
+    /// Number in the file, once it has one.
+    pub id: Option<u16>,
+    /// Messages so far.
+    pub messages: u32,
+    /// Whether the next file of a run repeats its last message.
+    pub is_latched: bool,
+    /// Whether another channel continues its topic, with another schema.
+    is_ended: bool,
+}
+
+impl Channel {
+    /// The schema and the metadata, for the file.
+    pub(crate) fn description(&self, dynamic: &Schemas) -> (Vec<u8>, BTreeMap<String, String>) {
+        let dynamic = dynamic.get(&*self.topic);
+        let descriptors = dynamic.map_or_else(
+            || schema::descriptor_set(&self.schema),
+            DynamicMessage::descriptor_set,
+        );
+        let mut metadata = channel_metadata(self.source);
+        metadata.extend(dynamic.map(DynamicMessage::metadata).unwrap_or_default());
+        (descriptors, metadata)
+    }
+}
+
+/// Metadata of a channel.
+pub(crate) fn channel_metadata(source: Option<SourceId>) -> BTreeMap<String, String> {
+    source
+        .map(|source| ("source".to_owned(), source.0.to_string()))
+        .into_iter()
+        .collect()
+}
+
+/// Schemas that are made at run time, by topic.
+pub(crate) type Schemas = BTreeMap<String, DynamicMessage>;
+
+/// A message of a channel, which is not encoded yet.
+pub(crate) struct Outgoing<'a> {
+    /// Position of the channel.
+    pub channel: usize,
+    pub log_time: LogTime,
+    pub publish_time: LogTime,
+    pub body: &'a dyn Body,
+}
+
+/// All channels of a writer.
+#[derive(Default)]
+pub(crate) struct Channels {
+    all: Vec<Channel>,
+    /// Positions of channels with compiled schemas.
+    by_address: HashMap<Address, usize>,
+    /// Positions of channels with run-time schemas, by source and name of the message.
+    by_name: HashMap<SourceId, HashMap<Arc<str>, usize>>,
+}
+
+impl Channels {
+    /// A channel by its position.
+    pub(crate) fn get_mut(&mut self, position: usize) -> &mut Channel {
+        &mut self.all[position]
+    }
+
+    /// Channel by its number in the file.
+    pub(crate) fn by_id(&self, id: u16) -> Option<&Channel> {
+        self.all.iter().find(|channel| channel.id == Some(id))
+    }
+
+    /// Position of the channel of an encoded message.
+    pub(crate) fn of(&mut self, message: &Encoded) -> usize {
+        self.named(&message.topic, &message.schema, message.source)
+    }
+
+    /// Position of the channel with these properties.
+    pub(crate) fn named(&mut self, topic: &str, schema: &str, source: Option<SourceId>) -> usize {
+        let known = self.all.iter().position(|channel| {
+            !channel.is_ended
+                && channel.source == source
+                && *channel.topic == *topic
+                && *channel.schema == *schema
+        });
+        known.unwrap_or_else(|| self.add(topic.into(), schema.into(), source))
+    }
+
+    fn add(&mut self, topic: Arc<str>, schema: Arc<str>, source: Option<SourceId>) -> usize {
+        self.all.push(Channel {
+            is_latched: LATCHED.contains(&&*schema),
+            topic,
+            schema,
+            source,
+            id: None,
+            messages: 0,
+            is_ended: false,
+        });
+        self.all.len() - 1
+    }
+
+    /// Passes the messages of a record to `take`. `dynamic` has the run-time schemas by topic.
+    pub(crate) fn messages(
+        &mut self,
+        record: &Record,
+        name: &dyn Fn(SourceId) -> String,
+        dynamic: &mut Schemas,
+        take: &mut dyn FnMut(&mut Self, Outgoing<'_>, &Schemas),
+    ) {
+        convert::encode(record, name, &mut |message| {
+            let outgoing = Outgoing {
+                channel: self.of_address(&message.address, name),
+                log_time: message.log_time,
+                publish_time: message.publish_time,
+                body: message.body,
+            };
+            take(self, outgoing, dynamic);
+        });
+        if let Record::Sample(sample) = record
+            && let Some(values) = dynamic::Values::of(sample)
+        {
+            let channel = self.of_values(sample, &values, name, dynamic);
+            let Some(known) = dynamic.get(&*self.all[channel].topic) else {
+                return;
+            };
+            let body = dynamic::Frame {
+                message: known,
+                signals: values.signals,
+            };
+            let outgoing = Outgoing {
+                channel,
+                log_time: sample.log_time,
+                publish_time: sample.valid_time,
+                body: &body,
+            };
+            take(self, outgoing, dynamic);
+        }
+    }
+
+    /// The messages of a record.
+    pub(crate) fn encode(
+        &mut self,
+        record: &Record,
+        name: &dyn Fn(SourceId) -> String,
+        dynamic: &mut Schemas,
+    ) -> Vec<Encoded> {
+        let mut all = Vec::new();
+        self.messages(record, name, dynamic, &mut |channels, message, _| {
+            all.push(channels.all[message.channel].encoded(&message));
+        });
+        all
+    }
+
+    fn of_address(&mut self, address: &Address, name: &dyn Fn(SourceId) -> String) -> usize {
+        if let Some(position) = self.by_address.get(address) {
+            return *position;
+        }
+        let source = address.source.map(name).unwrap_or_default();
+        let topic = address.topic.text(&source);
+        let position = self.named(&topic, &address.schema(), address.source);
+        self.by_address.insert(*address, position);
+        position
+    }
+
+    fn of_values(
+        &mut self,
+        sample: &Sample,
+        values: &dynamic::Values<'_>,
+        name: &dyn Fn(SourceId) -> String,
+        dynamic: &mut Schemas,
+    ) -> usize {
+        let of_source = self.by_name.entry(sample.source).or_default();
+        let known = of_source.get(values.message).copied();
+        let topic = match known {
+            Some(position) => Arc::clone(&self.all[position].topic),
+            None => values.topic(&name(sample.source)).into(),
+        };
+        if !dynamic.contains_key(&*topic) {
+            let message = values.schema(&topic, &name(sample.source));
+            dynamic.insert(topic.to_string(), message);
+        }
+        let message = dynamic.get_mut(&*topic);
+        let grew = message.is_some_and(|message| message.extend(values.signals));
+        if let (Some(position), false) = (known, grew) {
+            return position;
+        }
+        if grew {
+            // The schema has new fields: the topic continues in a new channel.
+            let old = self.all.iter_mut().filter(|channel| channel.topic == topic);
+            old.for_each(|channel| channel.is_ended = true);
+        }
+        let schema = dynamic.get(&*topic).map(DynamicMessage::schema_name);
+        let position = self.named(&topic, &schema.unwrap_or_default(), Some(sample.source));
+        let of_source = self.by_name.entry(sample.source).or_default();
+        of_source.insert(values.message.into(), position);
+        position
+    }
+}
+
+impl Channel {
+    /// A message of this channel, encoded.
+    pub(crate) fn encoded(&self, message: &Outgoing<'_>) -> Encoded {
+        let mut data = Vec::with_capacity(MESSAGE_BYTES);
+        message.body.encode(&mut data);
+        Encoded {
+            topic: Arc::clone(&self.topic),
+            schema: Arc::clone(&self.schema),
+            source: self.source,
+            log_time: message.log_time,
+            publish_time: message.publish_time,
+            data,
+        }
+    }
+}
