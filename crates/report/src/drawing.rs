@@ -169,7 +169,7 @@ impl<'a> Drawn<'a> {
             let below = [view.left + 6.0, top + VIEW + 48.0];
             label(out, below, "small", view.name);
         }
-        let quantities: [(&str, fn(&JouncePoint) -> f64); 3] = [
+        let quantities: [(&str, OfJounce); 3] = [
             ("camber, deg", |at| at.camber_rad.to_degrees()),
             ("toe-in, deg", |at| at.toe_in_rad.to_degrees()),
             ("motion ratio", |at| at.motion_ratio),
@@ -252,13 +252,7 @@ impl<'a> Drawn<'a> {
     }
 
     /// A quantity over the travel of the wheel.
-    fn write_curve(
-        &self,
-        out: &mut String,
-        [left, top]: [f64; 2],
-        name: &str,
-        value: fn(&JouncePoint) -> f64,
-    ) {
+    fn write_curve(&self, out: &mut String, [left, top]: [f64; 2], name: &str, value: OfJounce) {
         const SIZE: [f64; 2] = [175.0, 80.0];
         let range = |values: &dyn Fn(&JouncePoint) -> f64| {
             let all = self.curve.iter().map(values);
@@ -289,6 +283,9 @@ impl<'a> Drawn<'a> {
         label(out, [left, top + SIZE[1] + 14.0], "small", &travel);
     }
 }
+
+/// A quantity over the travel of a wheel.
+type OfJounce = fn(&JouncePoint) -> f64;
 
 /// One view of a corner; the left of the vehicle is on the left.
 struct View {

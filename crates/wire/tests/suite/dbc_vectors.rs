@@ -190,7 +190,7 @@ fn j1939_messages_match_by_parameter_group() {
     // Another priority and another sender than in the file.
     let frame = candump::parse_frame("18F00417#FFFFFF6813FFFFFF").expect("a frame");
     let signals = database.decode(&frame).expect("EEC1").signals;
-    assert_eq!(signals[0].name, "EngineSpeed");
+    assert_eq!(&*signals[0].name, "EngineSpeed");
     assert_eq!(signals[0].value, f64::from(0x1368) * 0.125);
-    assert_eq!(signals[0].unit, "rpm");
+    assert_eq!(&*signals[0].unit, "rpm");
 }

@@ -682,11 +682,11 @@ fn a_receiver_on_a_bus_decodes_as_the_reference_says() {
             .expect("a frame")
             .frame;
         let decoded = database.decode(&frame).expect("a message");
-        assert_eq!(want["msg"], decoded.message.as_str());
+        assert_eq!(want["msg"], *decoded.message);
         messages += 1;
         for signal in &decoded.signals {
             let key = |(key, value): (&String, &Value)| {
-                let name = key.split(" [").next() == Some(signal.name.as_str());
+                let name = key.split(" [").next() == Some(&*signal.name);
                 name.then(|| value.clone())
             };
             let theirs = want
