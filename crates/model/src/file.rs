@@ -1,6 +1,8 @@
 //! Reading TOML files: all mistakes of a file are reported at once, each with its line, the field, the
 //! value and what to do. A file is read field by field ([`Section`]) or under rules.
 
+#[cfg(test)]
+mod reference;
 pub(crate) mod rules;
 mod section;
 #[cfg(test)]

@@ -3,6 +3,8 @@
 
 mod file;
 
+#[cfg(test)]
+pub(crate) use file::SECTIONS;
 pub use file::SensorsErrors;
 
 use sample::Wheel;

@@ -18,6 +18,8 @@ use serde::{Deserialize, Serialize};
 
 pub use check::Warning;
 pub use payload::{Loaded, MassProperties, Payload};
+#[cfg(test)]
+pub(crate) use rules::SECTIONS;
 
 /// All that is wrong with a vehicle file.
 pub type VehicleErrors = crate::file::FileErrors;

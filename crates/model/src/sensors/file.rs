@@ -55,7 +55,7 @@ const RATE: Rule = must("rate_hz", Number(Positive(1e5)));
 const PLACE: Kind = Vector(3, Within(-30.0, 30.0));
 const LATENCY: Rule = must("latency_s", Number(NonNegative(5.0)));
 
-const SECTIONS: &[TableRules] = &[
+pub(crate) const SECTIONS: &[TableRules] = &[
     TableRules {
         tables: &[""],
         rules: &[

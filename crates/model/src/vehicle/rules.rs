@@ -11,7 +11,7 @@ const STIFFNESS: f64 = 1e8;
 const POINT: Kind = Vector(3, Within(-LENGTH, LENGTH));
 
 /// All tables of a vehicle file.
-pub(super) const SECTIONS: &[TableRules] = &[
+pub(crate) const SECTIONS: &[TableRules] = &[
     TableRules {
         tables: &[""],
         rules: TOP,
