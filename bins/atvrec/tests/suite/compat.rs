@@ -154,12 +154,12 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/motion",
             motion_columns(),
-            (1_331_670_991_017_010_972, 8_800),
+            (11_273_237_630_979_332_352, 8_800),
         ),
         (
             "/estimate/contact_forces",
             force_columns(),
-            (9_851_756_923_473_588_658, 9_600),
+            (3_952_729_638_051_128_883, 9_600),
         ),
     ] {
         let table = stdout(&run(&["export", "again.mcap", "-t", topic]));

@@ -59,7 +59,7 @@ fn wrong_names_files_and_linkages_are_refused_by_name() {
     assert!(bad.contains("strain.rate_hz = -1"), "{bad}");
     fs::write(
         here.join("car.toml"),
-        "[body]\nmass_kg = 1500\nfront_axle_to_cg_m = 1.2\ncg_to_rear_axle_m = 1.5\n",
+        "name = \"car\"\n[body]\nmass_kg = 1500\nfront_axle_to_cg_m = 1.2\ncg_to_rear_axle_m = 1.5\n",
     )
     .expect("written");
     let car = message(&["vehicle", "draw", "car.toml"], 1);
