@@ -298,8 +298,8 @@ fn property(kind: Kind) -> Value {
 #[test]
 fn the_reference_of_the_files_is_current() {
     for (file, name) in [(VEHICLE, "vehicle-file"), (SENSORS, "sensors-file")] {
-        testkit::assert_file(&format!("docs/{name}.md"), &file.page());
-        testkit::assert_file(&format!("docs/{name}.schema.json"), &file.schema());
+        testkit::assert_file(&format!("docs/{name}.md"), file.page());
+        testkit::assert_file(&format!("docs/{name}.schema.json"), file.schema());
     }
 }
 
