@@ -23,6 +23,7 @@ Examples:
   atvrec demo                         record, replay and report a virtual drive
   atvrec check                        check atvrec.toml and the devices in it
   atvrec record                       record with atvrec.toml until Ctrl-C
+  atvrec vehicle show prowler         print a vehicle file as a template
   atvrec replay drive.mcap --verify   repeat the estimate, compare bit by bit
   atvrec simulate --manoeuvre slow-sine -o sine.mcap
   atvrec report drive.mcap -o drive.html

@@ -1,5 +1,7 @@
 //! `atvrec man`: write the manual pages.
 
+use std::io::Write;
+
 use anyhow::Context;
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
@@ -15,6 +17,8 @@ pub fn run(args: &ManArgs) -> anyhow::Result<Outcome> {
         .with_context(|| format!("cannot create the directory {}", directory.display()))?;
     let mut command = Cli::command().disable_help_subcommand(true);
     command.build();
+    let help = command.get_after_help().map(ToString::to_string);
+    let help = help.unwrap_or_default();
     let mut pages = Vec::new();
     add_pages(command, &mut pages);
     // All targets are checked before the first page is written.
@@ -26,9 +30,45 @@ pub fn run(args: &ManArgs) -> anyhow::Result<Outcome> {
         })
         .collect::<engine::Result<_>>()?;
     for (page, target) in pages.iter().zip(targets) {
-        target.write_by(|mut file| Ok(page.render(&mut file)?))?;
+        let more = sections(&page.get_filename(), &help);
+        target.write_by(|mut file| {
+            page.render(&mut file)?;
+            Ok(file.write_all(more.as_bytes())?)
+        })?;
     }
     Ok(Outcome::Good)
+}
+
+/// Examples and exit status of the page of a command, from the help of the program. The page of the program
+/// contains this help already.
+fn sections(page: &str, help: &str) -> String {
+    let Some(command) = page
+        .strip_prefix("atvrec-")
+        .and_then(|n| n.strip_suffix(".1"))
+    else {
+        return String::new();
+    };
+    let (examples, codes) = help.split_once("Exit codes:").unwrap_or_default();
+    let called = format!("atvrec {}", command.replace('-', " "));
+    let entries = |lines: &str, of: &str| -> String {
+        let lines = lines.lines().map(str::trim);
+        let lines = lines.filter(|line| !line.is_empty() && line.starts_with(of));
+        let entry = |line: &str| {
+            let (term, meaning) = line.split_once("  ").unwrap_or((line, ""));
+            format!(
+                ".TP\n\\fB{}\\fR\n{}\n",
+                term.replace('-', "\\-"),
+                meaning.trim()
+            )
+        };
+        lines.map(entry).collect()
+    };
+    let (examples, codes) = (entries(examples, &called), entries(codes, ""));
+    let heading = |name: &str, text: &str| match text {
+        "" => String::new(),
+        text => format!(".SH \"{name}\"\n{text}"),
+    };
+    heading("EXAMPLES", &examples) + &heading("EXIT STATUS", &codes)
 }
 
 /// Adds the pages of a command and of all its subcommands.

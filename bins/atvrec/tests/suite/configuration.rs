@@ -175,6 +175,20 @@ fn every_command_has_a_manual_page() {
     for page in ["atvrec.1", "atvrec-record.1", "atvrec-calibrate-zero.1"] {
         let text = fs::read_to_string(directory.path().join("pages").join(page)).expect(page);
         assert!(text.contains(".SH SYNOPSIS"), "{page}: {text}");
+        assert!(
+            text.contains("finished, but data was lost"),
+            "{page}: {text}"
+        );
+    }
+    let record =
+        fs::read_to_string(directory.path().join("pages/atvrec-record.1")).expect("a page");
+    for part in [
+        ".SH \"EXAMPLES\"",
+        "\\fBatvrec record\\fR",
+        ".SH \"EXIT STATUS\"",
+        "\\fB3\\fR",
+    ] {
+        assert!(record.contains(part), "{part}: {record}");
     }
 }
 
