@@ -2,6 +2,7 @@
 
 mod arrivals;
 mod definitions;
+mod estimates;
 mod index;
 mod integrity;
 mod messages;
@@ -14,7 +15,8 @@ use std::sync::Arc;
 use sample::{Estimate, LogTime, Motion, PerWheel, Rollover, Signal, SourceId, TyreForce};
 
 pub use arrivals::ArrivalIter;
-pub use messages::{EstimateJoiner, Message, MessageIter, MessageRef, Selection};
+pub use estimates::EstimateJoiner;
+pub use messages::{Message, MessageIter, MessageRef, Selection};
 
 use crate::recovery::RECOVERED_METADATA;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
@@ -441,7 +443,7 @@ impl Reader {
             ];
         }
         let messages = self.messages(Selection::topics(topics));
-        messages::joined(messages, stage)
+        estimates::joined(messages, stage)
     }
 }
 
