@@ -97,7 +97,8 @@ campaigns: setup ## Seeded drives: do the intervals of calibrate and identify ho
 golden: ## Write the golden estimates again (testdata/golden); review the difference
 	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-estimator --test suite golden::
 
-bless: golden ## Write the generated files again: golden estimates, docs/filter-spec.md, crates/store/src/generated
+bless: golden ## Write the generated files again: golden estimates, docs/filter-spec.md, docs/*-file.*, crates/store/src/generated
+	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-model --lib file::reference
 	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-estimator --test suite filter_spec::
 	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-store --test suite generated::
 

@@ -114,8 +114,9 @@ impl Config {
         })
     }
 
-    /// What the configuration leaves out or uses though it is odd: parts of DBC files.
-    pub fn warnings(&self) -> impl Iterator<Item = &Problem> {
+    /// What the configuration leaves out or uses though it is odd: parts of DBC files, and values of the
+    /// vehicle file.
+    pub fn warnings(&self) -> impl Iterator<Item = String> {
         let buses = self
             .sources
             .iter()
@@ -123,7 +124,12 @@ impl Config {
                 Meaning::Can(can) => Some(&can.warnings),
                 _ => None,
             });
-        buses.flatten()
+        let vehicle = self
+            .estimator
+            .iter()
+            .flat_map(|estimator| estimator.vehicle.warnings());
+        let of_vehicle = vehicle.map(|warning| format!("vehicle file: {warning}"));
+        buses.flatten().map(ToString::to_string).chain(of_vehicle)
     }
 
     /// Reads the configuration in the attachments of a log.

@@ -253,7 +253,7 @@ pub struct Tyre {
     /// Vertical damping, N s/m.
     #[serde(default)]
     pub vertical_damping_n_s_m: f64,
-    /// Width of the tread on the ground, m; 0 where it is not told.
+    /// Width of the tread on the ground, m; 0 if it is unknown.
     #[serde(default)]
     pub width_m: f64,
     /// Cornering stiffness of one tyre at `reference_load_n`, N/rad.

@@ -74,7 +74,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
     let rate = retention::last_rate(&storage.directory);
     let mut warnings =
         retention::warnings(&storage.directory, storage.limits, &storage.options, rate);
-    warnings.extend(config.warnings().map(ToString::to_string));
+    warnings.extend(config.warnings());
     warnings.extend(bus_warnings(&config));
     warnings.extend(listened.warnings(&config));
     warnings.extend(scope::limits(&config));

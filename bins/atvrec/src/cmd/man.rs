@@ -24,13 +24,13 @@ pub fn run(args: &ManArgs) -> anyhow::Result<Outcome> {
     // All targets are checked before the first page is written.
     let targets: Vec<Target> = pages
         .iter()
-        .map(|page| {
+        .map(|(_, page)| {
             let path = directory.join(page.get_filename());
             Target::new(&path, Kind::Manual, args.replace.force, [])
         })
         .collect::<engine::Result<_>>()?;
-    for (page, target) in pages.iter().zip(targets) {
-        let more = sections(&page.get_filename(), &help);
+    for ((called, page), target) in pages.iter().zip(targets) {
+        let more = sections(called, &help);
         target.write_by(|mut file| {
             page.render(&mut file)?;
             Ok(file.write_all(more.as_bytes())?)
@@ -41,15 +41,11 @@ pub fn run(args: &ManArgs) -> anyhow::Result<Outcome> {
 
 /// Examples and exit status of the page of a command, from the help of the program. The page of the program
 /// contains this help already.
-fn sections(page: &str, help: &str) -> String {
-    let Some(command) = page
-        .strip_prefix("atvrec-")
-        .and_then(|n| n.strip_suffix(".1"))
-    else {
+fn sections(called: &str, help: &str) -> String {
+    if called == "atvrec" {
         return String::new();
-    };
+    }
     let (examples, codes) = help.split_once("Exit codes:").unwrap_or_default();
-    let called = format!("atvrec {}", command.replace('-', " "));
     let entries = |lines: &str, of: &str| -> String {
         let lines = lines.lines().map(str::trim);
         let lines = lines.filter(|line| !line.is_empty() && line.starts_with(of));
@@ -63,7 +59,7 @@ fn sections(page: &str, help: &str) -> String {
         };
         lines.map(entry).collect()
     };
-    let (examples, codes) = (entries(examples, &called), entries(codes, ""));
+    let (examples, codes) = (entries(examples, called), entries(codes, ""));
     let heading = |name: &str, text: &str| match text {
         "" => String::new(),
         text => format!(".SH \"{name}\"\n{text}"),
@@ -71,11 +67,12 @@ fn sections(page: &str, help: &str) -> String {
     heading("EXAMPLES", &examples) + &heading("EXIT STATUS", &codes)
 }
 
-/// Adds the pages of a command and of all its subcommands.
-fn add_pages(command: Command, pages: &mut Vec<Man>) {
+/// Adds the pages of a command and of all its subcommands, each with the words that call it.
+fn add_pages(command: Command, pages: &mut Vec<(String, Man)>) {
     let below = command.get_subcommands().filter(|c| !c.is_hide_set());
     for command in below.cloned().collect::<Vec<_>>() {
         add_pages(command, pages);
     }
-    pages.push(Man::new(command));
+    let called = command.get_bin_name().unwrap_or("atvrec").to_owned();
+    pages.push((called, Man::new(command)));
 }

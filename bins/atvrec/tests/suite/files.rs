@@ -30,6 +30,17 @@ fn a_template_is_printed_changed_checked_and_drawn() {
             && checked.contains("probably in N/mm"),
         "{checked}"
     );
+    let config = "[source.imu]\nkind = \"crossbow440\"\ndevice = \"/dev/null\"\n[vehicle]\nfile = \"own.toml\"\nsensors = \"thesis-10bit\"\n";
+    fs::write(here.join("atvrec.toml"), config).expect("written");
+    let of_config = atvrec(here)
+        .args(["check", "--no-devices"])
+        .assert()
+        .success();
+    let of_config = stdout(&of_config);
+    assert!(
+        of_config.contains("warning: vehicle file: front.strut.stiffness_n_m: 65 N/m"),
+        "{of_config}"
+    );
     let draw = ["vehicle", "draw", "own.toml", "-o", "own.svg"];
     atvrec(here).args(draw).assert().success();
     let drawing = fs::read_to_string(here.join("own.svg")).expect("a drawing");

@@ -103,9 +103,10 @@ file = "prowler"
         let (mut records, mut now) = (Vec::new(), start);
         for step in 0..500_u64 {
             now = start.offset_seconds(step as f64 / 100.0);
-            let (source, payload) = match step < 100 {
-                true => (of("t"), Payload::Bytes(b"12\r\n".to_vec())),
-                false => (of("bus"), Payload::Can(frames.to_vec())),
+            let (source, payload) = if step < 100 {
+                (of("t"), Payload::Bytes(b"12\r\n".to_vec()))
+            } else {
+                (of("bus"), Payload::Can(frames.to_vec()))
             };
             let arrival = Arrival {
                 sequence: step,

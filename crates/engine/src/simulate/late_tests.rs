@@ -154,10 +154,7 @@ impl Late {
                 while stall[1] < sent_s {
                     *stall = after(stall[1]);
                 }
-                match stall[0] <= sent_s {
-                    true => stall[1],
-                    false => sent_s,
-                }
+                if stall[0] <= sent_s { stall[1] } else { sent_s }
             }
             Delay::Stall {
                 ports,

@@ -1,7 +1,7 @@
 //! The accuracy that the documents state, on the excerpts of truth runs that every clone of the
 //! project has. Each test prints file, sensors file, error and limit. `truth.rs` tests the whole runs.
 
-use atvrec_estimator::{Calibration, Settings};
+use atvrec_estimator::{Calibration, Input, Settings};
 use model::sensors::Sensors;
 use sample::{EventKind, Wheel};
 use testkit::report;
@@ -27,17 +27,15 @@ const SURFACE_S: f64 = 24.0;
 const SURFACE_WITHIN_S: f64 = 1.0;
 
 fn estimated(run: &'static Run, sensors: &str) -> Estimated {
+    estimated_with(run, sensors, Settings::default())
+}
+
+fn estimated_with(run: &'static Run, sensors: &str, settings: Settings) -> Estimated {
     let vehicle = truth::vehicle();
     let samples = run.samples(sensors, SEED);
     let calibration = Calibration::nominal(&vehicle.name);
     let sensors = Sensors::builtin(sensors).unwrap();
-    estimate(
-        vehicle,
-        &sensors,
-        &calibration,
-        Settings::default(),
-        samples,
-    )
+    estimate(vehicle, &sensors, &calibration, settings, samples)
 }
 
 /// Compares three errors with their limits, and prints them.
@@ -152,6 +150,13 @@ const ROUGH_MAX: [(&str, &str, [[f64; 3]; 2]); 6] = [
     ),
 ];
 
+/// The same without potentiometers at 10 bit, with the lag, and the largest mean square of the errors over their
+/// standard deviations. The excerpt of the jumps begins before the roughness of the road is learnt.
+const UNPOSED_MAX: [(&str, [f64; 3], f64); 2] = [
+    ("r2_iso_e_a", [4.5, 7.0, 12.5], 1.5),
+    ("r6_jump", [7.0, 16.0, 20.0], 12.0),
+];
+
 /// Mean square of the errors over their standard deviations.
 const ROUGH_SQUARES: std::ops::Range<f64> = 0.1..2.0;
 
@@ -184,5 +189,28 @@ fn rough_ground_is_no_worse_than_stated() {
             )
         });
         assert_eq!(faults.count(), 0, "{name} {sensors}: {:?}", result.events);
+    }
+}
+
+/// Without potentiometers, the standard deviations hold on rough ground once its roughness is learnt, and the
+/// filter does not diverge on a jump.
+#[test]
+fn rough_ground_without_potentiometers_is_survived() {
+    for (name, most, square_max) in UNPOSED_MAX {
+        let run = truth::excerpt(name);
+        let settings = Settings {
+            ignore: vec![Input::Deflection],
+            ..Settings::default()
+        };
+        let result = estimated_with(run, "thesis-10bit", settings);
+        let what = format!("testdata/truth/{name}.parquet without potentiometers");
+        let force = carrier_errors(run, truth::vehicle(), &result.lagged);
+        let squares = carrier_squares(run, &result.lagged);
+        report(&format!("{what}: mean of (error/sigma)² {squares:.2?}"));
+        compare(&what, ["F_x", "F_y", "F_z"], "%", force, most);
+        assert!(
+            squares.into_iter().all(|square| square < square_max),
+            "{squares:?}"
+        );
     }
 }

@@ -11,7 +11,7 @@ use crate::file::rules::{self, Checked};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
     /// Dotted name of the field.
-    pub field: &'static str,
+    pub field: String,
     /// The value that is looked at, a ratio without unit unless the text says otherwise.
     pub value: f64,
     /// What is odd about it and what to do.
@@ -60,7 +60,7 @@ impl Vehicle {
         let ratio = yaw / (body.mass_kg * a * b);
         if !(0.7..=1.5).contains(&ratio) {
             warnings.push(Warning {
-                field: "body.inertia_kg_m2",
+                field: "body.inertia_kg_m2".into(),
                 value: ratio,
                 text: format!(
                     "the yaw inertia {yaw} kg m^2 is {ratio:.2} times m a b; 0.7 to 1.5 is usual \
@@ -71,7 +71,7 @@ impl Vehicle {
         let front = b / (a + b);
         if !(0.3..=0.7).contains(&front) {
             warnings.push(Warning {
-                field: "body.front_axle_to_cg_m",
+                field: "body.front_axle_to_cg_m".into(),
                 value: front,
                 text: format!(
                     "{:.0} % of the weight on the front axle; check with four scales",
@@ -81,7 +81,7 @@ impl Vehicle {
         }
         if body.cg_height_m > 0.8 * self.front.track_m.min(self.rear.track_m) {
             warnings.push(Warning {
-                field: "body.cg_height_m",
+                field: "body.cg_height_m".into(),
                 value: body.cg_height_m,
                 text: format!(
                     "the centre of gravity at {} m stands high over a track of {} m; check",
@@ -98,7 +98,7 @@ impl Vehicle {
         let length = self.body.front_axle_to_cg_m + self.body.cg_to_rear_axle_m;
         let ratio = length / self.front.track_m;
         (!(0.9..=3.0).contains(&ratio)).then(|| Warning {
-            field: "front.track_m",
+            field: "front.track_m".into(),
             value: ratio,
             text: format!("the wheelbase {length:.3} m is {ratio:.2} times the track; check both"),
         })

@@ -7,8 +7,8 @@ use crate::suspension::Corner;
 
 /// A value, and a quantity that follows from it.
 struct Judged {
-    /// Names of the field for the front and the rear axle.
-    fields: [&'static str; 2],
+    /// Name of the field in its table.
+    field: &'static str,
     written: f64,
     unit: &'static str,
     /// What follows from the value, in words.
@@ -28,7 +28,8 @@ const PER_MILLIMETRE: f64 = 1e3;
 const PER_INCH: f64 = 175.126_835;
 
 impl Judged {
-    fn warning(&self, axle: usize) -> Option<Warning> {
+    /// The warning of a field in a table.
+    fn warning(&self, table: &str) -> Option<Warning> {
         let [least, most] = self.usual;
         let is_usual = |quantity: f64| (least..=most).contains(&quantity);
         if is_usual(self.follows) {
@@ -51,7 +52,7 @@ impl Judged {
             },
         );
         Some(Warning {
-            field: self.fields[axle],
+            field: format!("{table}.{}", self.field),
             value: self.follows,
             text: format!(
                 "{written} {unit} means {} of {:.3}; {least} to {most} is usual; {remedy}",
@@ -65,12 +66,12 @@ impl Vehicle {
     /// Values of both axles and of the steering that are far from usual.
     pub(super) fn implausible(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
-        for (number, wheel) in [Wheel::FrontLeft, Wheel::RearLeft].into_iter().enumerate() {
+        for (table, wheel) in [("front", Wheel::FrontLeft), ("rear", Wheel::RearLeft)] {
             let found = [self.tyre_values(wheel), self.strut_values(wheel)];
             let found = found.into_iter().flatten();
-            warnings.extend(found.filter_map(|judged| judged.warning(number)));
+            warnings.extend(found.filter_map(|judged| judged.warning(table)));
         }
-        warnings.extend(self.steering_ratio().warning(0));
+        warnings.extend(self.steering_ratio().warning("steering"));
         warnings
     }
 
@@ -79,10 +80,7 @@ impl Vehicle {
         let Axle { tyre, unsprung, .. } = self.axle(wheel);
         let mut found = vec![
             Judged {
-                fields: [
-                    "front.tyre.vertical_stiffness_n_m",
-                    "rear.tyre.vertical_stiffness_n_m",
-                ],
+                field: "tyre.vertical_stiffness_n_m",
                 written: tyre.vertical_stiffness_n_m,
                 unit: "N/m",
                 quantity: "a tyre deflection at rest, in parts of the radius,",
@@ -92,10 +90,7 @@ impl Vehicle {
                 others: &[("N/mm", PER_MILLIMETRE), ("lbf/in", PER_INCH)],
             },
             Judged {
-                fields: [
-                    "front.tyre.cornering_stiffness_n_rad",
-                    "rear.tyre.cornering_stiffness_n_rad",
-                ],
+                field: "tyre.cornering_stiffness_n_rad",
                 written: tyre.cornering_stiffness_n_rad,
                 unit: "N/rad",
                 quantity: "a lateral force per load and radian of slip angle",
@@ -105,7 +100,7 @@ impl Vehicle {
                 others: &[("N/deg", PER_DEGREE)],
             },
             Judged {
-                fields: ["front.tyre.reference_load_n", "rear.tyre.reference_load_n"],
+                field: "tyre.reference_load_n",
                 written: tyre.reference_load_n,
                 unit: "N",
                 quantity: "a part of the load at rest",
@@ -118,10 +113,7 @@ impl Vehicle {
         if let Some(unsprung) = unsprung {
             let rim = unsprung.wheel_mass_kg * tyre.unloaded_radius_m.powi(2);
             found.push(Judged {
-                fields: [
-                    "front.unsprung.wheel_spin_inertia_kg_m2",
-                    "rear.unsprung.wheel_spin_inertia_kg_m2",
-                ],
+                field: "unsprung.wheel_spin_inertia_kg_m2",
                 written: unsprung.wheel_spin_inertia_kg_m2,
                 unit: "kg m^2",
                 quantity: "a part of the mass of the wheel times the square of its radius",
@@ -154,7 +146,7 @@ impl Vehicle {
         let critical_n_s_m = 2.0 * (rate_n_m * mass_kg).sqrt();
         vec![
             Judged {
-                fields: ["front.strut.stiffness_n_m", "rear.strut.stiffness_n_m"],
+                field: "strut.stiffness_n_m",
                 written: strut.stiffness_n_m,
                 unit: "N/m",
                 quantity: "a natural frequency of the body on this spring, in Hz,",
@@ -164,7 +156,7 @@ impl Vehicle {
                 others: &[("N/mm", PER_MILLIMETRE), ("lbf/in", PER_INCH)],
             },
             Judged {
-                fields: ["front.strut.damping_n_s_m", "rear.strut.damping_n_s_m"],
+                field: "strut.damping_n_s_m",
                 written: strut.damping_n_s_m,
                 unit: "N s/m",
                 quantity: "a damping ratio of the body",
@@ -174,7 +166,7 @@ impl Vehicle {
                 others: &[("N s/mm", PER_MILLIMETRE)],
             },
             Judged {
-                fields: ["front.strut.free_length_m", "rear.strut.free_length_m"],
+                field: "strut.free_length_m",
                 written: strut.free_length_m,
                 unit: "m",
                 quantity: "a force of the spring in the design position, in parts of what it carries at rest,",
@@ -188,7 +180,7 @@ impl Vehicle {
 
     fn steering_ratio(&self) -> Judged {
         Judged {
-            fields: ["steering.ratio"; 2],
+            field: "ratio",
             written: self.steering.ratio,
             unit: "",
             quantity: "an angle of the steering wheel over the angle of the road wheels",
@@ -205,7 +197,7 @@ mod tests {
     use super::*;
 
     /// The warnings of the Prowler with one value replaced.
-    fn warnings(from: &str, to: &str) -> Vec<(&'static str, String)> {
+    fn warnings(from: &str, to: &str) -> Vec<(String, String)> {
         let text = Vehicle::builtin_text("prowler").unwrap();
         assert!(text.contains(from), "{from}");
         let vehicle = Vehicle::from_toml(&text.replacen(from, to, 1), "odd.toml").unwrap();

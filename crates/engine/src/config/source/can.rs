@@ -338,7 +338,7 @@ mod tests {
             Config::from_text(&text, directory.path()).map_err(|error| error.to_string())
         };
         let config = read("").expect("the good message is enough");
-        let warnings: Vec<String> = config.warnings().map(ToString::to_string).collect();
+        let warnings: Vec<String> = config.warnings().collect();
         assert_eq!(warnings.len(), 1);
         assert!(warnings[0].contains("in.dbc:6: t: needs 3 bytes, but Bad has 2"));
         assert!(
