@@ -24,6 +24,7 @@ use crate::feedback::EstimatorFeedback;
 use crate::fusion::Fusion;
 use crate::grid::grid;
 use crate::grip::Grip;
+use crate::inertial_forces::InertialForces;
 use crate::innovation::InnovationTally;
 use crate::inputs::Readings;
 use crate::lift::LiftDetector;
@@ -102,6 +103,8 @@ pub struct Estimator {
     /// Longitudinal slips of the last step.
     slip_before: [f64; 4],
     planar: Option<Planar>,
+    /// Forces of a vehicle without linkages.
+    inertial_forces: Option<InertialForces>,
     /// Results of the last step for the next.
     feedback: EstimatorFeedback,
     /// Time of the last start of the motion filter.
@@ -158,6 +161,10 @@ impl Estimator {
                 .is_none()
                 .then(|| Planar::new(vehicle, sensors, &calibration, t))
                 .transpose()?,
+            inertial_forces: corners.is_none().then(|| {
+                let sigma = sensors.imu.gyro_noise_rad_s;
+                InertialForces::new(vehicle, &calibration, sigma, &t.inertial_forces)
+            }),
             divergences: ["motion", "force", "sideslip"]
                 .map(|name| Divergence::new(name, t.recovery_s)),
             monitors: ConsistencyMonitors::new(&t.watch),
@@ -277,6 +284,9 @@ impl Estimator {
                 if let Some(force_n) = control.hitch_force_n() {
                     self.waiting.push(time, Held::HitchForce(force_n));
                 }
+                if let Some(torques_n_m) = control.wheel_torques_n_m() {
+                    self.waiting.push(time, Held::WheelTorque(torques_n_m));
+                }
             }
             Measurement::HubAcceleration(hub) if uses(Input::HubAcceleration) => {
                 self.waiting.push(time, Held::HubAcceleration(*hub));
@@ -312,7 +322,11 @@ impl Estimator {
             carrier,
             lagged,
             frames,
-        } = self.measure_forces(time, &state, &expected, out);
+        } = if self.inertial_forces.is_some() {
+            self.forces_of_balances(time, &state, planar.as_ref(), steer_rad, navigated)
+        } else {
+            self.measure_forces(time, &state, &expected, out)
+        };
         self.estimate_road(time, &state, &carrier, lagged.as_ref(), out);
         let steering_wheel = self.monitor(time, &state, &measured, settled, out);
         let rollover = self.detect_lift(time, &state, &measured, lagged.as_ref(), out);

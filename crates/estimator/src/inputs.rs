@@ -112,6 +112,8 @@ pub struct Readings {
     pub hub_acceleration_m_s2: PerWheel<[Option<Reading>; 3]>,
     /// Force of a load on the hitch, vehicle axes, N, and when it was measured.
     pub hitch_n: Option<(LogTime, [f64; 3])>,
+    /// Last drive and brake torque of each wheel, N m.
+    pub torque_n_m: [[Option<Reading>; 4]; 2],
     /// Wheel speeds, rad/s.
     pub wheel_speed_rad_s: PerWheel<Option<Reading>>,
     /// Wheel speeds that a monitor has found faulty.
@@ -179,6 +181,16 @@ impl Readings {
     pub fn push_wheel_speed(&mut self, time: LogTime, wheel: Wheel, speed_rad_s: f64) {
         let good = (speed_rad_s.abs() < 1000.0).then_some(speed_rad_s);
         replace(&mut self.wheel_speed_rad_s[wheel], time, good);
+    }
+
+    /// Takes drive and brake torques of the wheels, N m; `NaN` where there is none.
+    pub fn push_torques(&mut self, time: LogTime, torques_n_m: &[[f64; 4]; 2]) {
+        let held = self.torque_n_m.iter_mut().flatten();
+        for (held, torque) in held.zip(torques_n_m.iter().flatten()) {
+            if torque.is_finite() {
+                replace(held, time, Some(*torque));
+            }
+        }
     }
 
     /// Angular speed of a wheel, rad/s, if it is at most `fresh_s` old at `now` and not faulty.

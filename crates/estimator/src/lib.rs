@@ -25,6 +25,7 @@ mod grid;
 mod grip;
 mod handling;
 pub mod identification;
+mod inertial_forces;
 mod innovation;
 mod inputs;
 mod kinematics;

@@ -32,7 +32,7 @@ use crate::tuning::PlanarTuning;
 use single_track::Driven;
 
 pub use crate::handling::{Handling, SHAPE_RANGE};
-pub use input::{PlanarInput, PlanarReadings};
+pub use input::{LastInertial, PlanarInput, PlanarReadings};
 pub use live::{Planar, PlanarMotion, PlanarRecorder, PlanarTrace};
 pub use single_track::PlanarModel;
 pub use tyre::normalised_force;

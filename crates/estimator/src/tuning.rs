@@ -11,6 +11,7 @@
 mod corners;
 mod fusion;
 mod grip;
+mod inertial_forces;
 mod motion;
 mod planar;
 mod road;
@@ -24,6 +25,7 @@ pub use fusion::{
     PotentiometerTuning,
 };
 pub use grip::GripTuning;
+pub use inertial_forces::InertialForcesTuning;
 pub use motion::{AidingTuning, JumpTuning, MotionTuning, ReceiverTuning};
 pub use planar::{PlanarInputTuning, PlanarTuning};
 pub use road::RoadTuning;
@@ -134,6 +136,7 @@ tuning! {
         group road: RoadTuning;
         group slip: SlipTuning;
         group planar: PlanarTuning;
+        group inertial_forces: InertialForcesTuning;
     }
 }
 

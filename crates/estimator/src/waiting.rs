@@ -40,6 +40,8 @@ pub enum Held {
     HubAcceleration(HubAccelerationSample),
     /// Force of a load on the hitch, vehicle axes, N.
     HitchForce([f64; 3]),
+    /// Drive and brake torque of each wheel, N m; `NaN` where there is none.
+    WheelTorque([[f64; 4]; 2]),
 }
 
 /// A sample with its time of validity.
@@ -69,6 +71,7 @@ impl Entry {
             Held::WheelSpeed(_) => 8,
             Held::HubAcceleration(hub) => 9 + hub.wheel.index() as u8,
             Held::HitchForce(_) => 13,
+            Held::WheelTorque(_) => 14,
         }
     }
 
@@ -92,6 +95,7 @@ impl Entry {
             }
             Held::SteeringWheel(angle) => angle.to_bits(),
             Held::HitchForce(force) => digest(*force),
+            Held::WheelTorque(torques) => digest(torques.iter().flatten().copied()),
             Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
             Held::HubAcceleration(hub) => {
                 let axes = hub.specific_force_m_s2;

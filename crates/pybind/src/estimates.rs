@@ -203,5 +203,6 @@ const fn source_name(source: ForceSource) -> &'static str {
         ForceSource::Statics => "statics",
         ForceSource::Fusion => "fusion",
         ForceSource::Model => "model",
+        ForceSource::Inertial => "inertial",
     }
 }

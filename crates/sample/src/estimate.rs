@@ -154,6 +154,8 @@ pub enum ForceSource {
     Fusion,
     /// The vehicle model alone.
     Model,
+    /// Balances of the whole vehicle with its inertial unit, without sensors on the suspension.
+    Inertial,
 }
 
 /// How near the vehicle is to lifting a wheel and to tipping over; `NaN` where loads are unknown.

@@ -344,6 +344,28 @@ impl ControlSample {
             .any(Option::is_some)
             .then(|| axes.map(Option::unwrap_or_default))
     }
+
+    /// Drive and brake torque of each wheel about its spindle, N m: values with the names `drive_torque_FL` and
+    /// `brake_torque_FL` and the unit N m or Nm. `NaN` where a wheel has no value; `None` where none has one.
+    #[must_use]
+    pub fn wheel_torques_n_m(&self) -> Option<[[f64; 4]; 2]> {
+        let mut torques = [[f64::NAN; 4]; 2];
+        for Signal { name, value, unit } in &self.values {
+            let Some((kind, wheel)) = name.split_once("_torque_") else {
+                continue;
+            };
+            let kind = ["drive", "brake"]
+                .into_iter()
+                .position(|known| known == kind);
+            let wheel = (Wheel::ALL.into_iter())
+                .find(|known| known.abbreviation().eq_ignore_ascii_case(wheel));
+            if let (Some(kind), Some(wheel), "N m" | "Nm") = (kind, wheel, &**unit) {
+                torques[kind][wheel.index()] = *value;
+            }
+        }
+        let any = torques.iter().flatten().any(|torque| torque.is_finite());
+        any.then_some(torques)
+    }
 }
 
 /// One CAN message decoded through a DBC.

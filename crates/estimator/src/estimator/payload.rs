@@ -5,6 +5,7 @@ use sample::{PerWheel, Wheel};
 
 use super::Estimator;
 use crate::EstimatorError;
+use crate::inertial_forces::InertialForces;
 use crate::planar::Planar;
 
 /// Beginning of a mark that switches a payload: `payload NAME on`, `payload NAME off`.
@@ -50,6 +51,11 @@ impl Estimator {
                 planar.switch_trace_on();
             }
             self.planar = Some(planar);
+        }
+        if let Some(forces) = &mut self.inertial_forces {
+            let sigma = self.sensors.imu.gyro_noise_rad_s;
+            let tuning = &self.settings.tuning.inertial_forces;
+            *forces = InertialForces::new(&vehicle, &self.calibration, sigma, tuning);
         }
         self.expected.load(&vehicle);
         if let Some(road) = &mut self.road {

@@ -12,6 +12,7 @@ use crate::fusion::{Fusion, StepInput};
 use crate::gaussian::Gaussian;
 use crate::grid::GRID_S;
 use crate::grip::GripInput;
+use crate::inertial_forces::{InertialInput, net_torque};
 use crate::inputs::Readings;
 use crate::kinematics;
 use crate::lift::LiftInput;
@@ -69,6 +70,7 @@ impl Estimator {
                 | Held::SteeringWheel(_)
                 | Held::WheelSpeed(_)
                 | Held::HitchForce(_)
+                | Held::WheelTorque(_)
                 | Held::HubAcceleration(..)
                     if !fresh => {}
                 Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
@@ -89,6 +91,7 @@ impl Estimator {
                     self.take_hub_acceleration(time, &hub, now, out);
                 }
                 Held::HitchForce(force_n) => self.readings.hitch_n = Some((time, force_n)),
+                Held::WheelTorque(torques) => self.readings.push_torques(time, &torques),
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {
                         if let Some(speed) = speeds[wheel] {
@@ -238,6 +241,58 @@ impl Estimator {
             reported: PerWheel::from_fn(|wheel| all[wheel].reported),
             lagged,
             frames: Some(frames),
+        }
+    }
+
+    /// Stage 7 for a vehicle without linkages: tyre forces from the balances of the whole vehicle. Without suspension
+    /// geometry, the wheel-carrier frame and the contact frame are the same.
+    pub(super) fn forces_of_balances(
+        &mut self,
+        now: LogTime,
+        state: &MotionState,
+        planar: Option<&PlanarMotion>,
+        steer_rad: [f64; 4],
+        navigated: bool,
+    ) -> MeasuredForces {
+        let Some(forces) = &mut self.inertial_forces else {
+            return MeasuredForces::default();
+        };
+        let fresh_s = self.settings.tuning.fresh_s;
+        let torques = self.readings.torque_n_m.map(|kind| {
+            kind.map(|held| held.and_then(|r| r.fresh(now, fresh_s)).unwrap_or(f64::NAN))
+        });
+        let mut input = InertialInput {
+            dt_s: GRID_S,
+            force_m_s2: state.specific_force_m_s2.into(),
+            forward_sigma_m_s2: self.settings.tuning.inertial_forces.force_sigma_m_s2,
+            yaw_rate_rad_s: state.rate_rad_s.z,
+            speed_m_s: state.velocity_m_s.x,
+            steer_rad,
+            torque_n_m: PerWheel::default(),
+            wheel_speed_rad_s: PerWheel::from_fn(|wheel| {
+                self.readings.wheel_speed(wheel, now, fresh_s)
+            }),
+        };
+        match (planar, &self.planar) {
+            (Some(motion), Some(filter)) => {
+                let ahead_m = self.calibration.plain_imu_ahead_m;
+                let turning = forces.yaw_acceleration_rad_s2();
+                motion.write_input(filter.offsets(), ahead_m, turning, &mut input);
+            }
+            _ if navigated && state.inertial => {}
+            _ => {
+                forces.forget();
+                return MeasuredForces::default();
+            }
+        }
+        input.torque_n_m = net_torque(&torques, input.speed_m_s);
+        let forces = forces.step(&input);
+        MeasuredForces {
+            contact: forces.clone(),
+            reported: forces.clone(),
+            carrier: forces,
+            lagged: None,
+            frames: None,
         }
     }
 

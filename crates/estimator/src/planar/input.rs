@@ -26,6 +26,26 @@ pub struct PlanarInput {
     pub yaw_rate_rad_s: Option<f64>,
     /// Lateral specific force at the inertial unit, likewise, m/s^2.
     pub lateral_m_s2: Option<f64>,
+    /// Last readings of the inertial unit.
+    pub inertial: LastInertial,
+}
+
+/// Last readings of the inertial unit, means over a step; `NaN` where there is none that is recent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LastInertial {
+    /// Specific force, body axes, m/s^2.
+    pub force_m_s2: [f64; 3],
+    /// Yaw rate, rad/s.
+    pub yaw_rate_rad_s: f64,
+}
+
+impl Default for LastInertial {
+    fn default() -> Self {
+        Self {
+            force_m_s2: [f64::NAN; 3],
+            yaw_rate_rad_s: f64::NAN,
+        }
+    }
 }
 
 /// Accepted difference between two values: at once, and for each second between them.
@@ -58,7 +78,9 @@ enum Quantity {
     Wheels,
     SteeringWheel,
     YawRate,
+    Forward,
     Lateral,
+    Upward,
 }
 
 /// Mean of the values since the last step, else the last value.
@@ -70,6 +92,8 @@ struct Slot {
     sum: f64,
     count: u32,
     last: Option<(LogTime, f64)>,
+    /// Mean of the values of the last step that had any.
+    mean: f64,
     /// Since when values have been out of reach.
     astray: Option<LogTime>,
 }
@@ -83,6 +107,7 @@ impl Slot {
             sum: 0.0,
             count: 0,
             last: None,
+            mean: f64::NAN,
             astray: None,
         }
     }
@@ -111,7 +136,18 @@ impl Slot {
     fn fresh(&mut self) -> Option<f64> {
         let mean = (self.count > 0).then(|| self.sum / f64::from(self.count));
         (self.sum, self.count) = (0.0, 0);
+        self.mean = mean.unwrap_or(self.mean);
         mean
+    }
+
+    /// The last mean, with the values since; `NaN` if it is too old.
+    fn latest(&mut self, now: LogTime, late_s: f64) -> f64 {
+        let _ = self.fresh();
+        let held_s = self.held_max_s + late_s;
+        let recent = self
+            .last
+            .is_some_and(|(time, _)| now.seconds_since(time) < held_s);
+        if recent { self.mean } else { f64::NAN }
     }
 
     /// The new values' mean, or the last value while it is not too old. Values arrive up to `late_s`
@@ -160,7 +196,8 @@ struct Slots {
     wheels: Slot,
     steer: Slot,
     yaw_rate: Slot,
-    lateral: Slot,
+    /// Specific force, body axes.
+    force: [Slot; 3],
     speed_trend: Trend,
     steer_trend: Trend,
 }
@@ -217,7 +254,7 @@ impl PlanarReadings {
                 wheels: slot(speed),
                 steer: slot(Reach::new(tuning.steer_reach)),
                 yaw_rate: slot(ANY),
-                lateral: slot(ANY),
+                force: [slot(ANY); 3],
                 speed_trend: Trend::default(),
                 steer_trend: Trend::default(),
             },
@@ -272,6 +309,12 @@ impl PlanarReadings {
                     let force = Vector3::new(or(fx, 0.0), fy, or(fz, STANDARD_GRAVITY_M_S2));
                     let force = calibration.body_from_imu * (force - calibration.accel_bias_m_s2);
                     self.wait(arrived, time, Quantity::Lateral, force.y);
+                    if fx.is_finite() && fx.abs() < t.force_max_m_s2 {
+                        self.wait(arrived, time, Quantity::Forward, force.x);
+                    }
+                    if fz.is_finite() && fz.abs() < t.force_max_m_s2 {
+                        self.wait(arrived, time, Quantity::Upward, force.z);
+                    }
                 }
                 if r.is_finite() && r.abs() < t.rate_max_rad_s {
                     let rate = Vector3::new(or(p, 0.0), or(q, 0.0), r);
@@ -324,7 +367,9 @@ impl PlanarReadings {
                     slots.steer.push(time, angle / self.steering_ratio);
                 }
                 Quantity::YawRate => slots.yaw_rate.push(time, value),
-                Quantity::Lateral => slots.lateral.push(time, value),
+                Quantity::Forward => slots.force[0].push(time, value),
+                Quantity::Lateral => slots.force[1].push(time, value),
+                Quantity::Upward => slots.force[2].push(time, value),
             }
             used += 1;
         }
@@ -377,7 +422,11 @@ impl PlanarReadings {
         );
         let speed = slots.speed.held(now, late_s).or(satellite).or(wheels);
         let steer = slots.steer.held(now, late_s);
-        let (yaw_rate_rad_s, lateral_m_s2) = (slots.yaw_rate.fresh(), slots.lateral.fresh());
+        let (yaw_rate_rad_s, lateral_m_s2) = (slots.yaw_rate.fresh(), slots.force[1].fresh());
+        let inertial = LastInertial {
+            force_m_s2: std::array::from_fn(|axis| slots.force[axis].latest(now, late_s)),
+            yaw_rate_rad_s: slots.yaw_rate.latest(now, late_s),
+        };
         let (mut speed, mut steer) = (speed?, steer?);
         if let Some(Taken {
             slots: complete, ..
@@ -402,6 +451,7 @@ impl PlanarReadings {
             steer_rad: steer.value,
             yaw_rate_rad_s,
             lateral_m_s2,
+            inertial,
         })
     }
 }

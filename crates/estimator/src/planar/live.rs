@@ -13,6 +13,7 @@ use super::{
 };
 use crate::calibration::Resolved;
 use crate::grid::{HOLD_NANOS, grid};
+use crate::inertial_forces::InertialInput;
 use crate::innovation::InnovationTally;
 use crate::motion::MotionState;
 use crate::trace::Operation;
@@ -165,6 +166,12 @@ impl Planar {
     /// Takes a sample, unless the settings ignore it.
     pub fn push(&mut self, sample: &Sample, calibration: &Resolved, settings: &Settings) {
         self.readings.push(sample, calibration, settings);
+    }
+
+    /// Offsets of steer angle, yaw rate and lateral acceleration, see [`PlanarFilter::offsets`].
+    #[must_use]
+    pub fn offsets(&self) -> [f64; 3] {
+        self.filter.offsets()
     }
 
     /// Writes the filter's offsets in place of the inertial navigation's biases.
@@ -375,6 +382,32 @@ impl PlanarMotion {
             state.earth_from_body.inverse() * gravity + Vector3::new(ahead, left, 0.0);
         state.sideslip_rad = self.sideslip_rad();
         state.sideslip_sigma_rad = self.sideslip_sigma_rad();
+    }
+
+    /// Writes what the force estimate of a vehicle without linkages needs: the readings without the filter's offsets,
+    /// moved from the inertial unit (`ahead_m` ahead of the centre of gravity) to the centre of gravity with the yaw
+    /// acceleration `turning_rad_s2`. Without a forward specific force, the rate of change of the speed replaces it.
+    pub fn write_input(
+        &self,
+        [_, gyro, accel]: [f64; 3],
+        ahead_m: f64,
+        turning_rad_s2: f64,
+        input: &mut InertialInput,
+    ) {
+        let last = &self.input.inertial;
+        let yaw_rate = last.yaw_rate_rad_s - gyro;
+        let [forward, left, up] = last.force_m_s2;
+        let forward = if forward.is_finite() {
+            forward + ahead_m * yaw_rate * yaw_rate
+        } else {
+            input.forward_sigma_m_s2 = self.tuning.speed_slope_sigma_m_s2;
+            self.input.acceleration_m_s2
+        };
+        input.force_m_s2 = [forward, left - accel - ahead_m * turning_rad_s2, up];
+        input.yaw_rate_rad_s = yaw_rate;
+        input.speed_m_s = self.input.speed_m_s;
+        let steer = self.state.steer_rad;
+        input.steer_rad = [steer, steer, 0.0, 0.0];
     }
 
     /// Standard deviation of sideslip: the filter's own and the error of a single-track model.

@@ -29,6 +29,7 @@ fn input(time_s: f64, speed_m_s: f64, steer_rad: f64) -> PlanarInput {
         steer_rad,
         yaw_rate_rad_s: None,
         lateral_m_s2: None,
+        inertial: LastInertial::default(),
     }
 }
 

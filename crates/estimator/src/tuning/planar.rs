@@ -50,6 +50,8 @@ tuning! {
         longitudinal_square_max: f64 = 0.8, "1";
         /// Smallest axle load under load transfer, as a part of the static load.
         load_min_part: f64 = 0.1, "1";
+        /// Standard deviation of the forward specific force where only the speed's rate of change gives it.
+        speed_slope_sigma_m_s2: f64 = 0.4, "m/s²";
         group input: PlanarInputTuning;
     }
 }

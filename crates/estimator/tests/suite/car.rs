@@ -10,7 +10,7 @@ mod surrogate;
 
 use atvrec_estimator::finding::Refusal;
 use atvrec_estimator::identification::handling::{Identified, identify};
-use atvrec_estimator::planar::PlanarInput;
+use atvrec_estimator::planar::{LastInertial, PlanarInput};
 use atvrec_estimator::score::{self, Errors};
 use atvrec_estimator::smoother::{LAG_STEPS, Smoother};
 use atvrec_estimator::{Calibration, Estimator, Output, Settings};
@@ -50,6 +50,7 @@ fn inputs(rows: &[Row]) -> Vec<PlanarInput> {
             steer_rad: row.steer_rad,
             yaw_rate_rad_s: Some(row.yaw_rate_rad_s),
             lateral_m_s2: Some(row.lateral_m_s2),
+            inertial: LastInertial::default(),
         }
     };
     rows.iter().map(input).collect()

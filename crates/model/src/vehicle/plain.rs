@@ -68,6 +68,17 @@ const BODY: &[Rule] = &[
 
 const STEERING: &[Rule] = &[may("ratio", Number(Positive(100.0)))];
 
+impl Vehicle {
+    /// Whether a value (its dotted name, or that of its table) is not of the vehicle file but common for a vehicle of
+    /// this mass and wheelbase.
+    #[must_use]
+    pub fn is_guessed(&self, field: &str) -> bool {
+        self.sources
+            .get(field)
+            .is_some_and(|source| source == SOURCE)
+    }
+}
+
 /// A vehicle file without axles.
 #[derive(Deserialize)]
 pub(super) struct Plain {

@@ -77,6 +77,7 @@ fn force_to_proto(axle: u32, side: String, force: &TyreForce) -> pb::TyreForce {
         ForceSource::Statics => pb::ForceSource::Statics,
         ForceSource::Fusion => pb::ForceSource::Fusion,
         ForceSource::Model => pb::ForceSource::Model,
+        ForceSource::Inertial => pb::ForceSource::Inertial,
     };
     let [x_n, y_n, z_n] = force.force_n;
     let [x_sigma_n, y_sigma_n, z_sigma_n] = force.sigma_n;
@@ -133,6 +134,7 @@ pub(super) fn force_source(number: i32) -> ForceSource {
         pb::ForceSource::Statics => ForceSource::Statics,
         pb::ForceSource::Fusion => ForceSource::Fusion,
         pb::ForceSource::Model => ForceSource::Model,
+        pb::ForceSource::Inertial => ForceSource::Inertial,
     }
 }
 

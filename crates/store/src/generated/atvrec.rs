@@ -1389,6 +1389,8 @@ pub enum ForceSource {
     Fusion = 3,
     /// The vehicle model alone.
     Model = 4,
+    /// Balances of the whole vehicle with its inertial unit, without sensors on the suspension.
+    Inertial = 5,
 }
 impl ForceSource {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1402,6 +1404,7 @@ impl ForceSource {
             Self::Statics => "FORCE_SOURCE_STATICS",
             Self::Fusion => "FORCE_SOURCE_FUSION",
             Self::Model => "FORCE_SOURCE_MODEL",
+            Self::Inertial => "FORCE_SOURCE_INERTIAL",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1412,6 +1415,7 @@ impl ForceSource {
             "FORCE_SOURCE_STATICS" => Some(Self::Statics),
             "FORCE_SOURCE_FUSION" => Some(Self::Fusion),
             "FORCE_SOURCE_MODEL" => Some(Self::Model),
+            "FORCE_SOURCE_INERTIAL" => Some(Self::Inertial),
             _ => None,
         }
     }

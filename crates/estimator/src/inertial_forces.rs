@@ -1,0 +1,351 @@
+//! Tyre forces of a vehicle without linkages, from the balances of the whole vehicle
+//! ([`ForceSource::Inertial`]).
+//!
+//! With the mass m, the specific force f of the centre of gravity in axes of the ground, the yaw rate r, the
+//! distances a and b of the axles, their lateral forces F_f and F_r (vehicle axes), and the longitudinal forces
+//! F_xi at y_i (Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge, balance of the plane motion):
+//!
+//! ```text
+//! F_f + F_r = m f_y      (a - t) F_f - (b + t) F_r = I_z r' + sum y_i F_xi      sum F_xi = m f_x + drag
+//! ```
+//!
+//! t is the pneumatic trail, which vanishes as the tyres slide. A specific force is measured without its part by
+//! gravity, so that bank and grade need not be known. Only the tilt of the body against the ground turns the axes:
+//! roll and pitch on the springs follow from the specific force (`tilt.rs`). The yaw moment is a random walk that
+//! the yaw rate corrects (`yaw.rs`).
+//!
+//! Loads: `loads.rs`. Longitudinal forces follow from the torques of the wheels where they are recorded,
+//! F_x = (T - I_w w')/R - f_r F_z, else from m f_x and the split of drive and brakes. The wheels of an axle share
+//! its lateral force as (F_z/F_z0)^n.
+//!
+//! Errors of mass, heights, stiffnesses and shares are constant and not noise. The standard deviations contain them
+//! by the tolerances of the tuning.
+
+mod loads;
+mod tilt;
+mod yaw;
+
+use model::vehicle::{Tyre, Vehicle};
+use sample::{ForceSource, PerWheel, TyreForce, Wheel};
+
+use crate::calibration::Resolved;
+use crate::handling::Handling;
+use crate::tuning::InertialForcesTuning;
+use loads::Loads;
+use yaw::YawMoment;
+
+/// Speed below which a wheel counts as standing: brake torque has no sign, m/s.
+const STANDING_M_S: f64 = 0.2;
+/// Smallest load in a quotient, N.
+const LOAD_MIN_N: f64 = 1.0;
+
+/// The estimator of the forces.
+#[derive(Clone, Debug)]
+pub struct InertialForces {
+    tuning: InertialForcesTuning,
+    vehicle: Vehicle,
+    handling: Handling,
+    loads: Loads,
+    yaw: YawMoment,
+    spin: PerWheel<Spin>,
+}
+
+/// What is measured at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct InertialInput {
+    /// Time since the instant before, s.
+    pub dt_s: f64,
+    /// Specific force of the centre of gravity, body axes, m/s^2; `NaN` upward where it is not measured.
+    pub force_m_s2: [f64; 3],
+    /// Standard deviation of its forward part, m/s^2.
+    pub forward_sigma_m_s2: f64,
+    /// Yaw rate, rad/s.
+    pub yaw_rate_rad_s: f64,
+    /// Forward speed, m/s.
+    pub speed_m_s: f64,
+    /// Steer angles, rad.
+    pub steer_rad: [f64; 4],
+    /// Torque on each wheel about its spindle, forward positive, N m, where it is recorded.
+    pub torque_n_m: PerWheel<Option<f64>>,
+    /// Angular speed of each wheel, rad/s, where it is measured.
+    pub wheel_speed_rad_s: PerWheel<Option<f64>>,
+}
+
+/// Derivative of a wheel's speed.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spin {
+    smooth_rad_s: Option<f64>,
+    rad_s2: f64,
+}
+
+impl Spin {
+    fn step(&mut self, speed_rad_s: Option<f64>, dt_s: f64, time_s: f64) {
+        self.rad_s2 = match (speed_rad_s, self.smooth_rad_s) {
+            (Some(now), Some(smooth)) => (now - smooth) / time_s,
+            _ => 0.0,
+        };
+        self.smooth_rad_s = speed_rad_s.map(|now| {
+            let smooth = self.smooth_rad_s.unwrap_or(now);
+            smooth + (dt_s / time_s).min(1.0) * (now - smooth)
+        });
+    }
+}
+
+/// A value with its standard deviation for each wheel.
+type Estimated = [(f64, f64); 4];
+
+impl InertialForces {
+    /// An estimator without readings.
+    #[must_use]
+    pub fn new(
+        vehicle: &Vehicle,
+        calibration: &Resolved,
+        gyro_sigma_rad_s: f64,
+        tuning: &InertialForcesTuning,
+    ) -> Self {
+        let identified = calibration.handling;
+        let handling = identified.unwrap_or_else(|| Handling::of_vehicle(vehicle));
+        let weight_n = vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2;
+        let walk_n_m = tuning.yaw_moment_walk * weight_n * vehicle.wheelbase_m();
+        let noise = gyro_sigma_rad_s.max(tuning.yaw_rate_sigma_rad_s);
+        Self {
+            tuning: *tuning,
+            vehicle: vehicle.clone(),
+            loads: Loads::new(vehicle, identified.as_ref(), tuning),
+            yaw: YawMoment::new(handling.yaw_inertia_kg_m2, walk_n_m, noise),
+            handling,
+            spin: PerWheel::default(),
+        }
+    }
+
+    /// The forces at one instant; unknown without a specific force along and across the vehicle and a yaw rate.
+    pub fn step(&mut self, input: &InertialInput) -> PerWheel<TyreForce> {
+        let [forward, left, _] = input.force_m_s2;
+        let known = [forward, left, input.yaw_rate_rad_s, input.speed_m_s];
+        if !known.iter().chain(&input.steer_rad).all(|x| x.is_finite()) {
+            self.forget();
+            return PerWheel::default();
+        }
+        let (moment_n_m, moment_sigma_n_m) = self.yaw.step(input.yaw_rate_rad_s, input.dt_s);
+        for wheel in Wheel::ALL {
+            let speed = input.wheel_speed_rad_s[wheel];
+            self.spin[wheel].step(speed, input.dt_s, self.tuning.spin_time_s);
+        }
+        let ground = self.loads.tilt(input);
+        let lateral_n = self.vehicle.body.mass_kg * ground[1];
+        let rough = self.axle_forces(lateral_n, moment_n_m, [0.0; 4]);
+        let loads = self.loads.loads(&ground, rough);
+        let along = self.longitudinal(input, ground[0], rough, &loads);
+        let axles_n = self.axle_forces(lateral_n, moment_n_m, along.map(|(force, _)| force));
+        let across = self.lateral(input, axles_n, moment_sigma_n_m, &along, &loads);
+        PerWheel::from_fn(|wheel| {
+            let of = [along, across, loads].map(|all| all[wheel.index()]);
+            TyreForce {
+                force_n: of.map(|(force, _)| force),
+                sigma_n: of.map(|(_, sigma)| sigma),
+                source: ForceSource::Inertial,
+                ..TyreForce::default()
+            }
+        })
+    }
+
+    /// Starts anew after a gap.
+    pub fn forget(&mut self) {
+        self.yaw.forget();
+        self.loads.forget();
+        self.spin = PerWheel::default();
+    }
+
+    /// Yaw acceleration at the last instant, rad/s^2.
+    #[must_use]
+    pub fn yaw_acceleration_rad_s2(&self) -> f64 {
+        self.yaw.acceleration_rad_s2()
+    }
+
+    /// Lateral force of each axle, vehicle axes, N.
+    fn axle_forces(&self, lateral_n: f64, moment_n_m: f64, along_n: [f64; 4]) -> [f64; 2] {
+        let body = &self.vehicle.body;
+        let turning: f64 = Wheel::ALL
+            .into_iter()
+            .map(|wheel| self.vehicle.wheel_place_m(wheel)[1] * along_n[wheel.index()])
+            .sum();
+        let used = lateral_n.abs() / (self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2);
+        let tyre = &self.vehicle.front.tyre;
+        let sliding = (1.0 - used / tyre.friction.max(0.1)).clamp(0.0, 1.0);
+        let trail_m = self.tuning.trail_part * tyre.unloaded_radius_m * sliding;
+        let moment = moment_n_m + turning;
+        let front =
+            (moment + (body.cg_to_rear_axle_m + trail_m) * lateral_n) / self.vehicle.wheelbase_m();
+        [front, lateral_n - front]
+    }
+
+    /// Longitudinal force of each wheel along its heading, N.
+    fn longitudinal(
+        &self,
+        input: &InertialInput,
+        forward_m_s2: f64,
+        axles_n: [f64; 2],
+        loads: &Estimated,
+    ) -> Estimated {
+        let body = &self.vehicle.body;
+        let drag_n = body.drag_n_s2_m2 * input.speed_m_s * input.speed_m_s.abs();
+        // A steered wheel's lateral force has a part against the travel.
+        let steered_n = axles_n[0] * math::sin(0.5 * (input.steer_rad[0] + input.steer_rad[1]));
+        let whole_n = body.mass_kg * forward_m_s2 + drag_n + steered_n;
+        let whole_sigma_n = body.mass_kg
+            * math::hypot(
+                input.forward_sigma_m_s2,
+                self.tuning.mass_part * forward_m_s2,
+            );
+        let torque = |i: usize| self.of_torque(Wheel::ALL[i], input, loads[i].0);
+        let measured: [Option<(f64, f64)>; 4] = std::array::from_fn(torque);
+        let parts = self.split(whole_n);
+        let open: f64 = (0..4)
+            .filter(|i| measured[*i].is_none())
+            .map(|i| parts[i])
+            .sum();
+        let told_n: f64 = measured.iter().flatten().map(|(force, _)| force).sum();
+        let variance: f64 = measured
+            .iter()
+            .flatten()
+            .map(|(_, sigma)| sigma * sigma)
+            .sum();
+        let rest_n = whole_n - told_n;
+        std::array::from_fn(|i| match measured[i] {
+            // The balance corrects torques by their variances.
+            Some((force, sigma)) if open <= 0.0 => {
+                let total = variance + whole_sigma_n.powi(2);
+                let gain = sigma * sigma / total.max(LOAD_MIN_N);
+                (force + gain * rest_n, sigma * (1.0 - gain).max(0.0).sqrt())
+            }
+            Some(known) => known,
+            None => {
+                let share = if open > 0.0 { parts[i] / open } else { 0.25 };
+                let t = &self.tuning;
+                let doubt = math::hypot(t.drive_share * 0.5, t.side_share) * rest_n.abs();
+                let balance = share * (whole_sigma_n.powi(2) + variance).sqrt();
+                let constant = t.longitudinal_constant * self.vehicle.static_load_n(Wheel::ALL[i]);
+                let sigma = math::hypot(math::hypot(doubt, balance), constant);
+                (share * rest_n, sigma)
+            }
+        })
+    }
+
+    /// Part of each wheel of the longitudinal force of the vehicle.
+    fn split(&self, whole_n: f64) -> [f64; 4] {
+        let front = if whole_n > 0.0 {
+            self.handling.drive_split_front
+        } else {
+            self.handling.brake_split_front
+        };
+        [front, front, 1.0 - front, 1.0 - front].map(|part| 0.5 * part)
+    }
+
+    /// Force of a wheel along its heading by its torque, with its standard deviation, N.
+    fn of_torque(&self, wheel: Wheel, input: &InertialInput, load_n: f64) -> Option<(f64, f64)> {
+        let torque_n_m = input.torque_n_m[wheel]?;
+        let axle = self.vehicle.axle(wheel);
+        let tyre = &axle.tyre;
+        let radius_m = (tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m.max(1.0))
+            .max(0.5 * tyre.unloaded_radius_m);
+        let inertia = axle
+            .unsprung
+            .as_ref()
+            .map_or(0.0, |u| u.wheel_spin_inertia_kg_m2);
+        let rolling = tyre.rolling_resistance * load_n * input.speed_m_s.clamp(-1.0, 1.0);
+        let spun = torque_n_m - inertia * self.spin[wheel].rad_s2;
+        let [part, constant] = self.tuning.torque_part;
+        let sigma = math::hypot(
+            part * torque_n_m / radius_m,
+            constant * self.vehicle.static_load_n(wheel),
+        );
+        Some((spun / radius_m - rolling, sigma))
+    }
+
+    /// Lateral force of each wheel, wheel axes, N.
+    fn lateral(
+        &self,
+        input: &InertialInput,
+        axles_n: [f64; 2],
+        moment_sigma_n_m: f64,
+        along: &Estimated,
+        loads: &Estimated,
+    ) -> Estimated {
+        let t = &self.tuning;
+        let body = &self.vehicle.body;
+        let length_m = self.vehicle.wheelbase_m();
+        let whole_n: f64 = axles_n.iter().sum();
+        let sum_sigma_n = math::hypot(
+            body.mass_kg * t.force_sigma_m_s2,
+            math::hypot(t.tilt_part, t.mass_part) * whole_n,
+        );
+        let moment_sigma = math::hypot(moment_sigma_n_m, self.unknown_moment_n_m(input));
+        let arms_m = [body.cg_to_rear_axle_m, body.front_axle_to_cg_m];
+        let mut forces = [(0.0, 0.0); 4];
+        for axle in 0..2 {
+            let [l, r] = [2 * axle, 2 * axle + 1];
+            let shares = self.shares(axle, [loads[l].0, loads[r].0]);
+            let cosines = [l, r].map(|i| math::cos(input.steer_rad[i]));
+            let pushed: f64 = [l, r]
+                .map(|i| along[i].0 * math::sin(input.steer_rad[i]))
+                .iter()
+                .sum();
+            let turned = shares[0] * cosines[0] + shares[1] * cosines[1];
+            let force_n = (axles_n[axle] - pushed) / turned;
+            let axle_sigma_n = math::hypot(
+                sum_sigma_n * arms_m[axle] / length_m,
+                moment_sigma / length_m,
+            );
+            for (i, share) in [l, r].into_iter().zip(shares) {
+                let doubt = math::hypot(t.lateral_share * force_n, share * axle_sigma_n);
+                let constant = t.lateral_constant * self.vehicle.static_load_n(Wheel::ALL[i]);
+                forces[i] = (share * force_n, math::hypot(doubt, constant));
+            }
+        }
+        forces
+    }
+
+    /// Standard deviation of the yaw moment of longitudinal forces that no torque tells, N m.
+    fn unknown_moment_n_m(&self, input: &InertialInput) -> f64 {
+        let all = input.torque_n_m.0.iter().all(Option::is_some);
+        let axle =
+            |wheel: Wheel| self.vehicle.static_load_n(wheel) * self.vehicle.axle(wheel).track_m;
+        let largest = axle(Wheel::FrontLeft).max(axle(Wheel::RearLeft));
+        if all {
+            0.0
+        } else {
+            2.0 * self.tuning.unknown_moment_part * largest
+        }
+    }
+
+    /// Part of each wheel (left, right) of the lateral force of its axle.
+    fn shares(&self, axle: usize, loads_n: [f64; 2]) -> [f64; 2] {
+        let tyre: &Tyre = [&self.vehicle.front.tyre, &self.vehicle.rear.tyre][axle];
+        let stiffness = loads_n.map(|load| {
+            let load = load.max(LOAD_MIN_N) / tyre.reference_load_n.max(LOAD_MIN_N);
+            math::powf(load, tyre.load_exponent.clamp(0.3, 1.0))
+        });
+        let whole = stiffness[0] + stiffness[1];
+        stiffness.map(|part| part / whole)
+    }
+}
+
+/// Sum of drive and brake torque of each wheel about its spindle, forward positive, N m: a brake torque acts against
+/// the rotation. `None` where neither is recorded.
+#[must_use]
+pub fn net_torque(torques_n_m: &[[f64; 4]; 2], speed_m_s: f64) -> PerWheel<Option<f64>> {
+    let [drive, brake] = torques_n_m;
+    PerWheel::from_fn(|wheel| {
+        let i = wheel.index();
+        if drive[i].is_nan() && brake[i].is_nan() {
+            return None;
+        }
+        let sign = if speed_m_s.abs() < STANDING_M_S {
+            0.0
+        } else {
+            speed_m_s.signum()
+        };
+        let or_none = |torque: f64| if torque.is_nan() { 0.0 } else { torque };
+        Some(or_none(drive[i]) - sign * or_none(brake[i]).abs())
+    })
+}
