@@ -12,7 +12,7 @@
 //! t is the pneumatic trail, which vanishes as the tyres slide. A specific force is measured without its part by
 //! gravity, so that bank and grade need not be known. Only the tilt of the body against the ground turns the axes:
 //! roll and pitch on the springs follow from the specific force (`tilt.rs`). The yaw moment is a random walk that
-//! the yaw rate corrects (`yaw.rs`).
+//! the yaw rate corrects (`turning.rs`).
 //!
 //! Loads: `loads.rs`. Longitudinal forces follow from the torques of the wheels where they are recorded,
 //! F_x = (T - I_w w')/R - f_r F_z, else from m f_x and the split of drive and brakes. The wheels of an axle share
@@ -23,7 +23,7 @@
 
 mod loads;
 mod tilt;
-mod yaw;
+mod turning;
 
 use model::vehicle::{Tyre, Vehicle};
 use sample::{ForceSource, PerWheel, TyreForce, Wheel};
@@ -32,7 +32,7 @@ use crate::calibration::Resolved;
 use crate::handling::Handling;
 use crate::tuning::InertialForcesTuning;
 use loads::Loads;
-use yaw::YawMoment;
+use turning::Turning;
 
 /// Speed below which a wheel counts as standing: brake torque has no sign, m/s.
 const STANDING_M_S: f64 = 0.2;
@@ -46,7 +46,7 @@ pub struct InertialForces {
     vehicle: Vehicle,
     handling: Handling,
     loads: Loads,
-    yaw: YawMoment,
+    yaw: Turning,
     spin: PerWheel<Spin>,
 }
 
@@ -59,8 +59,8 @@ pub struct InertialInput {
     pub force_m_s2: [f64; 3],
     /// Standard deviation of its forward part, m/s^2.
     pub forward_sigma_m_s2: f64,
-    /// Yaw rate, rad/s.
-    pub yaw_rate_rad_s: f64,
+    /// Roll, pitch and yaw rate, rad/s; `NaN` where roll or pitch rate is not measured.
+    pub rate_rad_s: [f64; 3],
     /// Forward speed, m/s.
     pub speed_m_s: f64,
     /// Steer angles, rad.
@@ -111,8 +111,8 @@ impl InertialForces {
         Self {
             tuning: *tuning,
             vehicle: vehicle.clone(),
-            loads: Loads::new(vehicle, identified.as_ref(), tuning),
-            yaw: YawMoment::new(handling.yaw_inertia_kg_m2, walk_n_m, noise),
+            loads: Loads::new(vehicle, identified.as_ref(), noise, tuning),
+            yaw: Turning::new(handling.yaw_inertia_kg_m2, walk_n_m, noise),
             handling,
             spin: PerWheel::default(),
         }
@@ -121,12 +121,13 @@ impl InertialForces {
     /// The forces at one instant; unknown without a specific force along and across the vehicle and a yaw rate.
     pub fn step(&mut self, input: &InertialInput) -> PerWheel<TyreForce> {
         let [forward, left, _] = input.force_m_s2;
-        let known = [forward, left, input.yaw_rate_rad_s, input.speed_m_s];
+        let yaw_rate = input.rate_rad_s[2];
+        let known = [forward, left, yaw_rate, input.speed_m_s];
         if !known.iter().chain(&input.steer_rad).all(|x| x.is_finite()) {
             self.forget();
             return PerWheel::default();
         }
-        let (moment_n_m, moment_sigma_n_m) = self.yaw.step(input.yaw_rate_rad_s, input.dt_s);
+        let (moment_n_m, moment_sigma_n_m) = self.yaw.step(yaw_rate, 0.0, input.dt_s);
         for wheel in Wheel::ALL {
             let speed = input.wheel_speed_rad_s[wheel];
             self.spin[wheel].step(speed, input.dt_s, self.tuning.spin_time_s);
@@ -146,6 +147,20 @@ impl InertialForces {
                 source: ForceSource::Inertial,
                 ..TyreForce::default()
             }
+        })
+    }
+
+    /// The forces in the wheel-carrier frame: the camber is unknown.
+    #[must_use]
+    pub fn in_carrier_frame(&self, contact: &PerWheel<TyreForce>) -> PerWheel<TyreForce> {
+        let camber = self.tuning.camber_sigma_rad;
+        PerWheel::from_fn(|wheel| {
+            let mut force = contact[wheel].clone();
+            let [_, across, load] = force.force_n;
+            let [_, across_sigma, load_sigma] = &mut force.sigma_n;
+            *across_sigma = math::hypot(*across_sigma, camber * load);
+            *load_sigma = math::hypot(*load_sigma, camber * across);
+            force
         })
     }
 

@@ -245,7 +245,7 @@ impl Estimator {
     }
 
     /// Stage 7 for a vehicle without linkages: tyre forces from the balances of the whole vehicle. Without suspension
-    /// geometry, the wheel-carrier frame and the contact frame are the same.
+    /// geometry, the wheel-carrier frame and the contact frame differ in their standard deviations only.
     pub(super) fn forces_of_balances(
         &mut self,
         now: LogTime,
@@ -265,7 +265,7 @@ impl Estimator {
             dt_s: GRID_S,
             force_m_s2: state.specific_force_m_s2.into(),
             forward_sigma_m_s2: self.settings.tuning.inertial_forces.force_sigma_m_s2,
-            yaw_rate_rad_s: state.rate_rad_s.z,
+            rate_rad_s: state.rate_rad_s.into(),
             speed_m_s: state.velocity_m_s.x,
             steer_rad,
             torque_n_m: PerWheel::default(),
@@ -277,7 +277,7 @@ impl Estimator {
             (Some(motion), Some(filter)) => {
                 let ahead_m = self.calibration.plain_imu_ahead_m;
                 let turning = forces.yaw_acceleration_rad_s2();
-                motion.write_input(filter.offsets(), ahead_m, turning, &mut input);
+                motion.write_input(filter.offsets()[1], ahead_m, turning, &mut input);
             }
             _ if navigated && state.inertial => {}
             _ => {
@@ -286,11 +286,11 @@ impl Estimator {
             }
         }
         input.torque_n_m = net_torque(&torques, input.speed_m_s);
-        let forces = forces.step(&input);
+        let contact = forces.step(&input);
         MeasuredForces {
-            contact: forces.clone(),
-            reported: forces.clone(),
-            carrier: forces,
+            carrier: forces.in_carrier_frame(&contact),
+            reported: contact.clone(),
+            contact,
             lagged: None,
             frames: None,
         }

@@ -2,7 +2,8 @@
 //!
 //! The moments about the ground below the centre of gravity give the load that moves to the right, M_x, and to the
 //! rear, M_y, with the height h, the sprung mass m_s at the arms h_1 and h_2 over the roll and the pitch axis, and
-//! roll p and pitch q of the body on its springs (right side and nose down positive):
+//! roll p and pitch q of the body on its springs (right side and nose down positive; I_x p'' and I_y q'' from the
+//! rates of the inertial unit where it has them):
 //!
 //! ```text
 //! M_x = m h f_y - m f_z y_c + m_s h_1 f_z p - I_x p''      M_y = m h f_x - m_s h_2 f_z q + I_y q''
@@ -16,6 +17,7 @@ use model::vehicle::Vehicle;
 use sample::{STANDARD_GRAVITY_M_S2, Wheel};
 
 use super::tilt::Tilt;
+use super::turning::Turning;
 use super::{Estimated, InertialInput};
 use crate::handling::Handling;
 use crate::tuning::InertialForcesTuning;
@@ -47,6 +49,11 @@ pub struct Loads {
     pitch_height_m: f64,
     left_m: f64,
     sprung_left_m: f64,
+    /// Moments that turn the vehicle in roll and pitch, from the rates.
+    turning: [Turning; 2],
+    /// The same moments at the present instant, N m: from the rates where they are measured, else from roll and pitch
+    /// on the springs.
+    moment_n_m: [f64; 2],
     inertia_kg_m2: [f64; 2],
     roll_arm_m: f64,
     pitch_arm_m: f64,
@@ -66,6 +73,7 @@ impl Loads {
     pub fn new(
         vehicle: &Vehicle,
         identified: Option<&Handling>,
+        gyro_sigma_rad_s: f64,
         tuning: &InertialForcesTuning,
     ) -> Self {
         let body = &vehicle.body;
@@ -109,6 +117,12 @@ impl Loads {
             pitch_height_m: identified.map_or(body.cg_height_m, |h| h.load_transfer_height_m),
             left_m: body.cg_y_m,
             sprung_left_m: body.cg_y_m + sprung.cg_m[1],
+            turning: [0, 1].map(|axis| {
+                let walk = tuning.tilt_moment_walk * body.mass_kg * STANDARD_GRAVITY_M_S2;
+                let arm_m = [axles[0].track_m, vehicle.wheelbase_m()][axis];
+                Turning::new(body.inertia_kg_m2[axis], walk * arm_m, gyro_sigma_rad_s)
+            }),
+            moment_n_m: [0.0; 2],
             inertia_kg_m2: [body.inertia_kg_m2[0], body.inertia_kg_m2[1]],
             roll_arm_m,
             pitch_arm_m: (sprung.cg_m[2] - pitch.centre_height_m).max(0.0),
@@ -135,6 +149,7 @@ impl Loads {
     /// Starts anew: the next specific force finds the body in equilibrium.
     pub fn forget(&mut self) {
         self.started = false;
+        self.turning.iter_mut().for_each(Turning::forget);
     }
 
     /// Propagates roll and pitch. Returns the specific force in axes of the ground, m/s^2.
@@ -144,7 +159,9 @@ impl Loads {
         let z = if z.is_finite() {
             z
         } else {
-            STANDARD_GRAVITY_M_S2
+            // The body is rolled, the ground is level.
+            let (sine, cosine) = math::sin_cos(self.roll.angle_rad);
+            (STANDARD_GRAVITY_M_S2 - y * sine) / cosine
         };
         let rolling = self.sprung_kg * (self.roll_arm_m * y - self.sprung_left_m * z);
         let pitching = -self.sprung_kg * self.pitch_arm_m * x;
@@ -155,6 +172,15 @@ impl Loads {
             self.roll.settle(rolling);
             self.pitch.settle(pitching);
             self.started = true;
+        }
+        for (axis, tilt) in [self.roll, self.pitch].into_iter().enumerate() {
+            let rate = input.rate_rad_s[axis];
+            let model = self.inertia_kg_m2[axis] * tilt.acceleration_rad_s2;
+            self.moment_n_m[axis] = if rate.is_finite() {
+                self.turning[axis].step(rate, model, input.dt_s).0
+            } else {
+                model
+            };
         }
         let keep = (input.dt_s / self.tuning.unrest_time_s).min(1.0);
         let [mean, square] = &mut self.upward;
@@ -177,10 +203,10 @@ impl Loads {
         let [roll, pitch] = [&self.roll, &self.pitch];
         let right = self.mass_kg * (self.height_m * y - self.left_m * z)
             + self.sprung_kg * self.roll_arm_m * z * roll.angle_rad
-            - self.inertia_kg_m2[0] * roll.acceleration_rad_s2;
+            - self.moment_n_m[0];
         let back = self.mass_kg * self.pitch_height_m * x
             - self.sprung_kg * self.pitch_arm_m * z * pitch.angle_rad
-            + self.inertia_kg_m2[1] * pitch.acceleration_rad_s2;
+            + self.moment_n_m[1];
         let moments = self.roll_moments(y, right, axles_n);
         let length_m: f64 = self.arms_m.iter().sum();
         let whole = self.mass_kg * z;
@@ -255,6 +281,8 @@ impl Loads {
             0.5 * self.height_part * back_n_m / length_m,
             0.5 * lever / axle.track_m,
             0.5 * lever / length_m,
+            0.5 * t.tilt_moment_part * self.moment_n_m[0] / axle.track_m,
+            0.5 * t.tilt_moment_part * self.moment_n_m[1] / length_m,
             upward,
         ]
         .iter()

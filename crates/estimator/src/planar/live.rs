@@ -384,12 +384,12 @@ impl PlanarMotion {
         state.sideslip_sigma_rad = self.sideslip_sigma_rad();
     }
 
-    /// Writes what the force estimate of a vehicle without linkages needs: the readings without the filter's offsets,
-    /// moved from the inertial unit (`ahead_m` ahead of the centre of gravity) to the centre of gravity with the yaw
+    /// Writes what the force estimate of a vehicle without linkages needs: the readings (the yaw rate less
+    /// `gyro`, the filter's offset; that of the accelerometer also contains what the single-track model omits), moved from the inertial unit (`ahead_m` ahead of the centre of gravity) to the centre of gravity with the yaw
     /// acceleration `turning_rad_s2`. Without a forward specific force, the rate of change of the speed replaces it.
     pub fn write_input(
         &self,
-        [_, gyro, accel]: [f64; 3],
+        gyro: f64,
         ahead_m: f64,
         turning_rad_s2: f64,
         input: &mut InertialInput,
@@ -403,8 +403,8 @@ impl PlanarMotion {
             input.forward_sigma_m_s2 = self.tuning.speed_slope_sigma_m_s2;
             self.input.acceleration_m_s2
         };
-        input.force_m_s2 = [forward, left - accel - ahead_m * turning_rad_s2, up];
-        input.yaw_rate_rad_s = yaw_rate;
+        input.force_m_s2 = [forward, left - ahead_m * turning_rad_s2, up];
+        input.rate_rad_s = [f64::NAN, f64::NAN, yaw_rate];
         input.speed_m_s = self.input.speed_m_s;
         let steer = self.state.steer_rad;
         input.steer_rad = [steer, steer, 0.0, 0.0];

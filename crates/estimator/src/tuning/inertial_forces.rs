@@ -7,6 +7,11 @@ tuning! {
     InertialForcesTuning {
         /// Random walk of the yaw moment of the lateral forces, as a part of weight times wheelbase.
         yaw_moment_walk: f64 = 0.08, "1/√s";
+        /// The same of the moments that turn the vehicle in roll and pitch beside those of its springs, as a part of weight times track, and of weight
+        /// times wheelbase.
+        tilt_moment_walk: f64 = 0.05, "1/√s";
+        /// Standard deviation of these moments, as a part of them.
+        tilt_moment_part: f64 = 1.2, "1";
         /// Standard deviation of the yaw rate, beside that of the sensors file.
         yaw_rate_sigma_rad_s: f64 = 0.002, "rad/s";
         /// Pneumatic trail at small slip angles, as a part of the radius of the tyre.
@@ -35,6 +40,8 @@ tuning! {
         /// Standard deviation of a longitudinal force by rolling resistance, toe-in and a differential, as a part of the
         /// static load.
         longitudinal_constant: f64 = 0.04, "1";
+        /// Standard deviation of the camber against the ground, which turns the wheel-carrier frame.
+        camber_sigma_rad: f64 = 0.03, "rad";
         /// Standard deviation of the front axle's share of drive and brake force.
         drive_share: f64 = 0.1, "1";
         /// Standard deviation of a wheel's share of the longitudinal force of its axle.

@@ -18,6 +18,7 @@ mod fault;
 mod filter_spec;
 mod golden;
 mod identification;
+mod inertial_forces;
 mod motion_faults;
 mod road;
 mod robust;

@@ -155,6 +155,7 @@ fn refuse(which: usize, delay_s: f64, most_s: f64) -> Result<(), Refusal> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::planar::LastInertial;
 
     #[test]
     fn held_values_are_interpolated() {
@@ -166,6 +167,7 @@ mod tests {
                 steer_rad: math::sin(f64::from(row / 5 * 5) * 0.01),
                 yaw_rate_rad_s: None,
                 lateral_m_s2: None,
+                inertial: LastInertial::default(),
             })
             .collect();
         let filled = between_values(&rows);
@@ -190,6 +192,7 @@ mod tests {
                     steer_rad: math::sin(time_s),
                     yaw_rate_rad_s: Some(0.1),
                     lateral_m_s2: (row % 2 == 0).then(|| math::cos(time_s)),
+                    inertial: LastInertial::default(),
                 }
             })
             .collect();

@@ -1,26 +1,29 @@
-//! Yaw moment of the tyres from the yaw rate.
+//! Moment that turns the vehicle about one axis, from the rate of turn.
 
 use nalgebra::{Matrix2, Vector2};
 
-/// Filter of yaw rate and yaw moment: I r' = N, N' = white noise; r is measured.
+/// Filter of a rate and its moment: I r' = N_0 + N, N' = white noise; r is
+/// measured, and N_0 is the moment of a model.
 #[derive(Clone, Copy, Debug)]
-pub struct YawMoment {
+pub struct Turning {
     inertia_kg_m2: f64,
     walk_n_m: f64,
     noise_rad_s: f64,
     state: Option<Vector2<f64>>,
+    model_n_m: f64,
     covariance: Matrix2<f64>,
 }
 
-impl YawMoment {
-    /// A filter without readings: yaw inertia in kg m^2, density of the moment in N m/√s, standard deviation of the
-    /// yaw rate in rad/s.
+impl Turning {
+    /// A filter without readings: inertia in kg m^2, density of the moment in N m/√s, standard deviation of the
+    /// rate in rad/s.
     pub fn new(inertia_kg_m2: f64, walk_n_m: f64, noise_rad_s: f64) -> Self {
         Self {
             inertia_kg_m2,
             walk_n_m,
             noise_rad_s,
             state: None,
+            model_n_m: 0.0,
             covariance: Matrix2::zeros(),
         }
     }
@@ -30,13 +33,15 @@ impl YawMoment {
         self.state = None;
     }
 
-    /// Yaw acceleration at the last instant, rad/s^2; zero before the first.
+    /// Angular acceleration at the last instant, rad/s^2; zero before the first.
     pub fn acceleration_rad_s2(&self) -> f64 {
-        self.state.map_or(0.0, |state| state.y / self.inertia_kg_m2)
+        self.state
+            .map_or(0.0, |state| (self.model_n_m + state.y) / self.inertia_kg_m2)
     }
 
-    /// Takes the yaw rate of the next instant, rad/s. Returns the moment and its standard deviation, N m.
-    pub fn step(&mut self, rate_rad_s: f64, dt_s: f64) -> (f64, f64) {
+    /// Takes the rate of the next instant, rad/s, and the moment of the model since the instant before, N m. Returns
+    /// the whole moment and its standard deviation, N m.
+    pub fn step(&mut self, rate_rad_s: f64, model_n_m: f64, dt_s: f64) -> (f64, f64) {
         let noise = self.noise_rad_s.powi(2);
         let state = match self.state {
             None => {
@@ -46,7 +51,8 @@ impl YawMoment {
             }
             Some(state) => {
                 let transition = Matrix2::new(1.0, dt_s / self.inertia_kg_m2, 0.0, 1.0);
-                let predicted = transition * state;
+                let known = Vector2::new(model_n_m * dt_s / self.inertia_kg_m2, 0.0);
+                let predicted = transition * state + known;
                 let mut covariance = transition * self.covariance * transition.transpose();
                 covariance[(1, 1)] += self.walk_n_m.powi(2) * dt_s;
                 let gain = covariance.column(0) / (covariance[(0, 0)] + noise);
@@ -55,7 +61,8 @@ impl YawMoment {
             }
         };
         self.state = Some(state);
-        (state.y, self.covariance[(1, 1)].max(0.0).sqrt())
+        self.model_n_m = model_n_m;
+        (model_n_m + state.y, self.covariance[(1, 1)].max(0.0).sqrt())
     }
 }
 
@@ -65,10 +72,10 @@ mod tests {
 
     #[test]
     fn a_rate_that_grows_steadily_has_the_moment_of_its_growth() {
-        let mut yaw = YawMoment::new(2000.0, 3000.0, 0.002);
+        let mut turning = Turning::new(2000.0, 3000.0, 0.002);
         let mut last = (0.0, 0.0);
         for step in 0..200 {
-            last = yaw.step(0.01 * f64::from(step) * 0.5, 0.01);
+            last = turning.step(0.01 * f64::from(step) * 0.5, 0.0, 0.01);
         }
         assert!((last.0 - 1000.0).abs() < 0.5, "{last:?}");
         assert!(last.1 > 10.0 && last.1 < 1000.0, "{last:?}");
