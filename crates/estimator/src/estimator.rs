@@ -1,6 +1,7 @@
 //! The estimator: samples in, estimates out.
 
 mod aiding;
+mod balances;
 mod events;
 mod lagged;
 mod monitors;
@@ -103,8 +104,10 @@ pub struct Estimator {
     /// Longitudinal slips of the last step.
     slip_before: [f64; 4],
     planar: Option<Planar>,
-    /// Forces of a vehicle without linkages.
-    inertial_forces: Option<InertialForces>,
+    /// Forces without sensors on the suspension.
+    inertial_forces: InertialForces,
+    /// Time of the first step.
+    started: Option<LogTime>,
     /// Results of the last step for the next.
     feedback: EstimatorFeedback,
     /// Time of the last start of the motion filter.
@@ -161,10 +164,11 @@ impl Estimator {
                 .is_none()
                 .then(|| Planar::new(vehicle, sensors, &calibration, t))
                 .transpose()?,
-            inertial_forces: corners.is_none().then(|| {
+            inertial_forces: {
                 let sigma = sensors.imu.gyro_noise_rad_s;
                 InertialForces::new(vehicle, &calibration, sigma, &t.inertial_forces)
-            }),
+            },
+            started: None,
             divergences: ["motion", "force", "sideslip"]
                 .map(|name| Divergence::new(name, t.recovery_s)),
             monitors: ConsistencyMonitors::new(&t.watch),
@@ -322,11 +326,7 @@ impl Estimator {
             carrier,
             lagged,
             frames,
-        } = if self.inertial_forces.is_some() {
-            self.forces_of_balances(time, &state, planar.as_ref(), steer_rad, navigated)
-        } else {
-            self.measure_forces(time, &state, &expected, out)
-        };
+        } = self.find_forces(time, &state, planar.as_ref(), &expected, steer_rad, out);
         self.estimate_road(time, &state, &carrier, lagged.as_ref(), out);
         let steering_wheel = self.monitor(time, &state, &measured, settled, out);
         let rollover = self.detect_lift(time, &state, &measured, lagged.as_ref(), out);

@@ -18,6 +18,8 @@
 //! F_x = (T - I_w w')/R - f_r F_z, else from m f_x and the split of drive and brakes. The wheels of an axle share
 //! its lateral force as (F_z/F_z0)^n.
 //!
+//! The force of a load on the hitch, where it is measured, is subtracted from the balances.
+//!
 //! Errors of mass, heights, stiffnesses and shares are constant and not noise. The standard deviations contain them
 //! by the tolerances of the tuning.
 
@@ -26,6 +28,7 @@ mod tilt;
 mod turning;
 
 use model::vehicle::{Tyre, Vehicle};
+use nalgebra::Vector6;
 use sample::{ForceSource, PerWheel, TyreForce, Wheel};
 
 use crate::calibration::Resolved;
@@ -69,6 +72,8 @@ pub struct InertialInput {
     pub torque_n_m: PerWheel<Option<f64>>,
     /// Angular speed of each wheel, rad/s, where it is measured.
     pub wheel_speed_rad_s: PerWheel<Option<f64>>,
+    /// Force and moment about the centre of gravity of a load on the hitch, body axes, N and N m.
+    pub hitch: Vector6<f64>,
 }
 
 /// Derivative of a wheel's speed.
@@ -133,9 +138,10 @@ impl InertialForces {
             self.spin[wheel].step(speed, input.dt_s, self.tuning.spin_time_s);
         }
         let ground = self.loads.tilt(input);
-        let lateral_n = self.vehicle.body.mass_kg * ground[1];
+        let lateral_n = self.vehicle.body.mass_kg * ground[1] - input.hitch.y;
+        let moment_n_m = moment_n_m - input.hitch[5];
         let rough = self.axle_forces(lateral_n, moment_n_m, [0.0; 4]);
-        let loads = self.loads.loads(&ground, rough);
+        let loads = self.loads.loads(&ground, rough, &input.hitch);
         let along = self.longitudinal(input, ground[0], rough, &loads);
         let axles_n = self.axle_forces(lateral_n, moment_n_m, along.map(|(force, _)| force));
         let across = self.lateral(input, axles_n, moment_sigma_n_m, &along, &loads);
@@ -206,7 +212,7 @@ impl InertialForces {
         let drag_n = body.drag_n_s2_m2 * input.speed_m_s * input.speed_m_s.abs();
         // A steered wheel's lateral force has a part against the travel.
         let steered_n = axles_n[0] * math::sin(0.5 * (input.steer_rad[0] + input.steer_rad[1]));
-        let whole_n = body.mass_kg * forward_m_s2 + drag_n + steered_n;
+        let whole_n = body.mass_kg * forward_m_s2 + drag_n + steered_n - input.hitch.x;
         let whole_sigma_n = body.mass_kg
             * math::hypot(
                 input.forward_sigma_m_s2,

@@ -177,6 +177,23 @@ impl Readings {
         }
     }
 
+    /// Time of the last reading of a strain channel, a potentiometer or a hub accelerometer.
+    #[must_use]
+    pub fn suspension_time(&self) -> Option<LogTime> {
+        let corners = self.corners.0.iter();
+        let read = corners.flat_map(|corner| corner.strain.iter().chain([&corner.compression_m]));
+        let hubs = self.hub_acceleration_m_s2.0.iter().flatten();
+        read.chain(hubs).flatten().map(|reading| reading.time).max()
+    }
+
+    /// Drive and brake torques that are at most `fresh_s` old at `now`, N m; `NaN` where there is none.
+    #[must_use]
+    pub fn torques_n_m(&self, now: LogTime, fresh_s: f64) -> [[f64; 4]; 2] {
+        let fresh = |held: Option<Reading>| held.and_then(|reading| reading.fresh(now, fresh_s));
+        self.torque_n_m
+            .map(|kind| kind.map(|held| fresh(held).unwrap_or(f64::NAN)))
+    }
+
     /// Takes the angular speed of one wheel.
     pub fn push_wheel_speed(&mut self, time: LogTime, wheel: Wheel, speed_rad_s: f64) {
         let good = (speed_rad_s.abs() < 1000.0).then_some(speed_rad_s);

@@ -52,11 +52,9 @@ impl Estimator {
             }
             self.planar = Some(planar);
         }
-        if let Some(forces) = &mut self.inertial_forces {
-            let sigma = self.sensors.imu.gyro_noise_rad_s;
-            let tuning = &self.settings.tuning.inertial_forces;
-            *forces = InertialForces::new(&vehicle, &self.calibration, sigma, tuning);
-        }
+        let sigma = self.sensors.imu.gyro_noise_rad_s;
+        let tuning = &self.settings.tuning.inertial_forces;
+        self.inertial_forces = InertialForces::new(&vehicle, &self.calibration, sigma, tuning);
         self.expected.load(&vehicle);
         if let Some(road) = &mut self.road {
             road.load(&vehicle);

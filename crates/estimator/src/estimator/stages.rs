@@ -12,7 +12,6 @@ use crate::fusion::{Fusion, StepInput};
 use crate::gaussian::Gaussian;
 use crate::grid::GRID_S;
 use crate::grip::GripInput;
-use crate::inertial_forces::{InertialInput, net_torque};
 use crate::inputs::Readings;
 use crate::kinematics;
 use crate::lift::LiftInput;
@@ -244,58 +243,6 @@ impl Estimator {
         }
     }
 
-    /// Stage 7 for a vehicle without linkages: tyre forces from the balances of the whole vehicle. Without suspension
-    /// geometry, the wheel-carrier frame and the contact frame differ in their standard deviations only.
-    pub(super) fn forces_of_balances(
-        &mut self,
-        now: LogTime,
-        state: &MotionState,
-        planar: Option<&PlanarMotion>,
-        steer_rad: [f64; 4],
-        navigated: bool,
-    ) -> MeasuredForces {
-        let Some(forces) = &mut self.inertial_forces else {
-            return MeasuredForces::default();
-        };
-        let fresh_s = self.settings.tuning.fresh_s;
-        let torques = self.readings.torque_n_m.map(|kind| {
-            kind.map(|held| held.and_then(|r| r.fresh(now, fresh_s)).unwrap_or(f64::NAN))
-        });
-        let mut input = InertialInput {
-            dt_s: GRID_S,
-            force_m_s2: state.specific_force_m_s2.into(),
-            forward_sigma_m_s2: self.settings.tuning.inertial_forces.force_sigma_m_s2,
-            rate_rad_s: state.rate_rad_s.into(),
-            speed_m_s: state.velocity_m_s.x,
-            steer_rad,
-            torque_n_m: PerWheel::default(),
-            wheel_speed_rad_s: PerWheel::from_fn(|wheel| {
-                self.readings.wheel_speed(wheel, now, fresh_s)
-            }),
-        };
-        match (planar, &self.planar) {
-            (Some(motion), Some(filter)) => {
-                let ahead_m = self.calibration.plain_imu_ahead_m;
-                let turning = forces.yaw_acceleration_rad_s2();
-                motion.write_input(filter.offsets()[1], ahead_m, turning, &mut input);
-            }
-            _ if navigated && state.inertial => {}
-            _ => {
-                forces.forget();
-                return MeasuredForces::default();
-            }
-        }
-        input.torque_n_m = net_torque(&torques, input.speed_m_s);
-        let contact = forces.step(&input);
-        MeasuredForces {
-            carrier: forces.in_carrier_frame(&contact),
-            reported: contact.clone(),
-            contact,
-            lagged: None,
-            frames: None,
-        }
-    }
-
     fn statics_of_corners(
         &self,
         now: LogTime,
@@ -461,7 +408,7 @@ impl Estimator {
 
 /// Force and moment about the centre of gravity of a load on the hitch, vehicle axes, N and N m; `None` without a
 /// hitch in the vehicle file or a recent value.
-fn hitch_wrench(
+pub(super) fn hitch_wrench(
     vehicle: &Vehicle,
     readings: &Readings,
     now: LogTime,

@@ -14,6 +14,7 @@
 //! no negative load: what an axle cannot take goes to the other axle.
 
 use model::vehicle::Vehicle;
+use nalgebra::Vector6;
 use sample::{STANDARD_GRAVITY_M_S2, Wheel};
 
 use super::tilt::Tilt;
@@ -196,20 +197,29 @@ impl Loads {
         ]
     }
 
-    /// Loads with standard deviations, N, of a specific force in axes of the ground and the lateral forces of the
-    /// axles.
-    pub fn loads(&self, ground_m_s2: &[f64; 3], axles_n: [f64; 2]) -> Estimated {
+    /// Loads with standard deviations, N, of a specific force in axes of the ground, the lateral forces of the
+    /// axles, and the force and moment about the centre of gravity of a load on the hitch.
+    pub fn loads(
+        &self,
+        ground_m_s2: &[f64; 3],
+        axles_n: [f64; 2],
+        hitch: &Vector6<f64>,
+    ) -> Estimated {
         let [x, y, z] = *ground_m_s2;
         let [roll, pitch] = [&self.roll, &self.pitch];
         let right = self.mass_kg * (self.height_m * y - self.left_m * z)
             + self.sprung_kg * self.roll_arm_m * z * roll.angle_rad
-            - self.moment_n_m[0];
+            - self.moment_n_m[0]
+            + hitch[3]
+            - self.height_m * hitch.y;
         let back = self.mass_kg * self.pitch_height_m * x
             - self.sprung_kg * self.pitch_arm_m * z * pitch.angle_rad
-            + self.moment_n_m[1];
+            + self.moment_n_m[1]
+            - hitch[4]
+            - self.height_m * hitch.x;
         let moments = self.roll_moments(y, right, axles_n);
         let length_m: f64 = self.arms_m.iter().sum();
-        let whole = self.mass_kg * z;
+        let whole = self.mass_kg * z - hitch.z;
         let axle_n = [
             (whole * self.arms_m[1] - back) / length_m,
             (whole * self.arms_m[0] + back) / length_m,

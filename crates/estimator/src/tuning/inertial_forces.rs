@@ -5,6 +5,9 @@ use super::tuning;
 tuning! {
     /// Tyre forces of a vehicle without linkages, from its inertial unit (`inertial_forces.rs`).
     InertialForcesTuning {
+        /// Time without a reading of a strain channel, a potentiometer or a hub accelerometer after which these forces
+        /// replace those of the force filter.
+        silent_s: f64 = 1.0, "s";
         /// Random walk of the yaw moment of the lateral forces, as a part of weight times wheelbase.
         yaw_moment_walk: f64 = 0.08, "1/√s";
         /// The same of the moments that turn the vehicle in roll and pitch beside those of its springs, as a part of weight times track, and of weight

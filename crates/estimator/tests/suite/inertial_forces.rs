@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use atvrec_estimator::{Calibration, Settings};
+use atvrec_estimator::{Calibration, Input, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{ControlSample, ForceSource, Measurement, PerWheel, Sample, Signal, Wheel};
@@ -134,6 +134,25 @@ fn balances_of_the_whole_vehicle_give_the_forces_of_its_wheels() {
             let [sum, axle, _, load] = judge(what, run, &vehicle, &result);
             assert!(sum < 2.5 && axle < 6.0 && load < 6.0, "{name} {what}");
         }
+    }
+}
+
+/// A vehicle with linkages whose strain channels and potentiometers are absent.
+#[test]
+fn linkages_without_strain_and_deflection() {
+    let vehicle = truth::vehicle();
+    for name in RUNS {
+        let Some(run) = truth::run(name) else { return };
+        let settings = Settings {
+            ignore: vec![Input::Strain, Input::Deflection],
+            ..Settings::default()
+        };
+        let sensors = Sensors::builtin("thesis-10bit").unwrap();
+        let calibration = Calibration::nominal(&vehicle.name);
+        let samples = run.samples("thesis-10bit", 11);
+        let result = estimate(vehicle, &sensors, &calibration, settings, samples);
+        let [sum, axle, _, load] = judge("linkages", run, vehicle, &result);
+        assert!(sum < 2.0 && axle < 6.0 && load < 6.0, "{name}");
     }
 }
 
