@@ -16,8 +16,9 @@ pub fn limits(config: &Config) -> Vec<String> {
     let mut lines: Vec<String> = of_vehicle(&estimator.vehicle).into_iter().collect();
     if lines.is_empty() && !has_strain(config) {
         lines.push(
-            "tyre forces are not estimated, because no source has a strain channel (roles.strain of a bus, \
-             or strain columns of a table); motion is estimated"
+            "tyre forces are not measured on the suspension, because no source has a strain channel \
+             (roles.strain of a bus, or strain columns of a table); they follow from the inertial unit and \
+             from potentiometers where there are any"
                 .to_owned(),
         );
     }
@@ -41,9 +42,9 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
         return None;
     }
     Some(format!(
-        "tyre forces, wheel loads, lift and rollover are not estimated (they are NaN in the log), because \
-         the vehicle {} has no {}; velocity, sideslip, attitude and rates are estimated from speed, steer \
-         angle, yaw rate and lateral acceleration",
+        "the suspension is not used, because the vehicle {} has no {}: tyre forces, wheel loads and lift follow \
+         from the inertial unit and the mass properties alone, and the road is not estimated; velocity, \
+         sideslip, attitude and rates are estimated from speed, steer angle, yaw rate and lateral acceleration",
         vehicle.name,
         lacks.join(" and no ")
     ))

@@ -89,7 +89,7 @@ impl LiftDetector {
     pub fn step(&mut self, input: &LiftInput<'_>, out: &mut impl FnMut(Event)) -> Rollover {
         let dt = input.dt;
         self.age_s += dt;
-        let judged = self.age_s >= self.settling_s && input.moving;
+        let judged = self.age_s >= self.settling_s && input.judged;
         let of_all = |forces: &PerWheel<TyreForce>| {
             let loads = Wheel::ALL.map(|wheel| Load::of_wheel(&forces[wheel]));
             let [left, right] = Side::ALL.map(|side| {
@@ -178,8 +178,8 @@ pub struct LiftInput<'a> {
     pub now: LogTime,
     /// Time since the instant before, s.
     pub dt: f64,
-    /// Whether the vehicle moves.
-    pub moving: bool,
+    /// Whether lifts are judged: the vehicle moves, and its loads are known well enough.
+    pub judged: bool,
     /// Whether the ground is rough.
     pub rough: bool,
     /// Forces, contact or wheel-carrier frame.

@@ -272,6 +272,16 @@ impl Estimator {
         })
     }
 
+    /// Whether the loads tell lifts: those of the balances do unless mass properties are guessed.
+    fn are_loads_known(&self, forces: &PerWheel<TyreForce>) -> bool {
+        let part = self.settings.tuning.lift.balance_sigma_max;
+        Wheel::ALL.into_iter().all(|wheel| {
+            let force = &forces[wheel];
+            force.source != ForceSource::Inertial
+                || force.sigma_n[2] < part * self.vehicle.static_load_n(wheel)
+        })
+    }
+
     /// Whether the road shakes the wheels.
     fn is_rough(&self) -> bool {
         let roughness = self.fusion.as_ref().map_or(0.0, Fusion::roughness);
@@ -292,7 +302,7 @@ impl Estimator {
         let input = LiftInput {
             now: time,
             dt: GRID_S,
-            moving: speed_m_s > t.lift_speed_min_m_s,
+            judged: speed_m_s > t.lift_speed_min_m_s && self.are_loads_known(measured),
             rough: self.is_rough(),
             forces: measured,
             lagged,

@@ -39,7 +39,7 @@ fn noisy_events(
         let input = LiftInput {
             now: start.offset_seconds(at_s),
             dt: DT_S,
-            moving: true,
+            judged: true,
             rough,
             forces: &forces,
             lagged: None,

@@ -89,6 +89,9 @@ tuning! {
         filtered_sigma: f64 = 0.3, "1";
         /// Part of one step's standard deviation in the load that is extrapolated by one second.
         ahead_sigma: f64 = 0.4, "1/s";
+        /// Standard deviation of a load by the balances of the whole vehicle, as a part of the static load, from which no
+        /// lift is judged.
+        balance_sigma_max: f64 = 0.12, "1";
         /// Time after the start in which nothing is declared.
         settling_s: f64 = 1.0, "s";
     }

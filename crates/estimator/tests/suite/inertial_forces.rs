@@ -122,10 +122,23 @@ fn judge(what: &str, run: &Run, vehicle: &Vehicle, result: &Estimated) -> [f64; 
 /// motion, and with those of a car's network alone.
 #[test]
 fn balances_of_the_whole_vehicle_give_the_forces_of_its_wheels() {
+    forces_of_seed(11);
+}
+
+/// The figures of docs/estimator.md.
+#[test]
+#[ignore = "figures"]
+fn balances_on_the_seeds_of_the_documentation() {
+    for seed in 1..=4 {
+        forces_of_seed(seed);
+    }
+}
+
+fn forces_of_seed(seed: u64) {
     let vehicle = plain();
     for name in RUNS {
         let Some(run) = truth::run(name) else { return };
-        let samples = run.samples("thesis-10bit", 11);
+        let samples = run.samples("thesis-10bit", seed);
         for (what, samples) in [
             ("with GNSS", samples.to_vec()),
             ("with the signals of a car", of_a_car(samples)),
