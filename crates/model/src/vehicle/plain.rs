@@ -24,6 +24,8 @@ const TYRE_RADIUS_M: f64 = 0.32;
 const VERTICAL_STIFFNESS_M: f64 = 55.0;
 const CORNERING_STIFFNESS_RAD: f64 = 12.0;
 const SLIP_STIFFNESS: f64 = 15.0;
+/// Cornering stiffness of a car tyre over its load: degressive.
+const LOAD_EXPONENT: f64 = 0.8;
 const FRICTION: f64 = 1.0;
 /// What stands beside each of them in `sources`.
 const SOURCE: &str = "common for a car of this mass and wheelbase";
@@ -192,7 +194,7 @@ fn axle(body: &Body, part: f64) -> Axle {
             cornering_stiffness_n_rad: CORNERING_STIFFNESS_RAD * load_n,
             slip_stiffness_n: SLIP_STIFFNESS * load_n,
             reference_load_n: load_n,
-            load_exponent: 1.0,
+            load_exponent: LOAD_EXPONENT,
             friction: FRICTION,
             relaxation_length_m: 0.0,
             rolling_resistance: 0.0,

@@ -508,7 +508,6 @@ pub fn forces(scale: f64) -> PerWheel<TyreForce> {
             ForceSource::Statics,
             ForceSource::Fusion,
             ForceSource::Model,
-            ForceSource::Inertial,
         ][wheel.index()],
     })
 }
