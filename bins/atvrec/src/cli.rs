@@ -3,6 +3,7 @@
 mod files;
 mod identify;
 mod import;
+mod init;
 mod number;
 
 use std::path::{Path, PathBuf};
@@ -17,10 +18,12 @@ pub use identify::{
     RollCentreArgs,
 };
 pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
+pub use init::InitArgs;
 
 const AFTER_HELP: &str = "\
 Examples:
   atvrec demo                         record, replay and report a virtual drive
+  atvrec init                         find the devices, write atvrec.toml
   atvrec check                        check atvrec.toml and the devices in it
   atvrec record                       record with atvrec.toml until Ctrl-C
   atvrec vehicle show prowler         print a vehicle file as a template
@@ -63,6 +66,13 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Find the devices of this computer and write a configuration for them.
+    ///
+    /// The command lists CAN interfaces and serial ports, listens to each of them, recognises what they
+    /// send, and proposes roles for the signals of DBC files. It writes atvrec.toml, vehicle.toml and
+    /// sensors.toml with comments. It does not change a device: a port that sends nothing is only asked
+    /// whether it is an SLCAN adapter, whose bus is then read without acknowledging frames.
+    Init(InitArgs),
     /// Record all configured sources and estimate tyre forces.
     Record(RecordArgs),
     /// Repeat the estimate from the raw data of a log.

@@ -13,6 +13,7 @@ pub mod findings;
 pub mod identify;
 pub mod import;
 pub mod info;
+pub mod init;
 pub mod link;
 #[cfg(feature = "live")]
 pub mod live;

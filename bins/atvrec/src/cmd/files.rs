@@ -14,23 +14,36 @@ use crate::exit::{Outcome, UsageError};
 use crate::messages;
 
 /// A kind of file that has built-in examples.
-struct Files {
+pub struct Files {
     /// Name of the kind.
-    kind: &'static str,
+    pub kind: &'static str,
     builtin: fn(&str) -> Option<&'static str>,
     names: fn() -> Vec<&'static str>,
+    /// Name and warnings of a text, and what is wrong with it.
+    read: fn(&str, &str) -> anyhow::Result<Checked>,
 }
 
-const VEHICLES: Files = Files {
+/// Vehicle files.
+pub const VEHICLES: Files = Files {
     kind: "vehicle",
     builtin: Vehicle::builtin_text,
     names: || Vehicle::builtin_names().collect(),
+    read: |text, file| {
+        let vehicle = Vehicle::from_toml(text, file)?;
+        let warnings = vehicle.warnings();
+        Ok((
+            vehicle.name,
+            warnings.iter().map(ToString::to_string).collect(),
+        ))
+    },
 };
 
-const SENSORS: Files = Files {
+/// Sensors files.
+pub const SENSORS: Files = Files {
     kind: "sensors",
     builtin: Sensors::builtin_text,
     names: || Sensors::builtin_names().collect(),
+    read: |text, file| Ok((Sensors::from_toml(text, file)?.name, Vec::new())),
 };
 
 impl Files {
@@ -49,6 +62,31 @@ impl Files {
             .into());
         }
         read_text(path, TOML_MAX).with_context(|| format!("cannot read {}", path.display()))
+    }
+
+    /// Whether this is the name of a built-in file.
+    pub fn is_builtin(&self, name: &str) -> bool {
+        (self.builtin)(name).is_some()
+    }
+
+    /// Names of the built-in files.
+    pub fn names(&self) -> Vec<&'static str> {
+        (self.names)()
+    }
+
+    /// Usual name of a file of this kind.
+    pub fn file_name(&self) -> String {
+        format!("{}.toml", self.kind)
+    }
+
+    /// Refuses a file that cannot be read or has an error.
+    pub fn check(&self, file: &str) -> anyhow::Result<()> {
+        (self.read)(&self.text(file)?, file).map(drop)
+    }
+
+    /// A built-in file as a template.
+    pub fn template(&self, name: &str) -> anyhow::Result<String> {
+        self.text(name)
     }
 
     fn show(&self, args: &ShowArgs) -> anyhow::Result<Outcome> {
@@ -76,14 +114,7 @@ struct Titled {
 pub fn vehicle(command: &VehicleCommand) -> anyhow::Result<Outcome> {
     match command {
         VehicleCommand::Show(args) => VEHICLES.show(args),
-        VehicleCommand::Check(args) => check(&VEHICLES, args, |text, file| {
-            let vehicle = Vehicle::from_toml(text, file)?;
-            let warnings = vehicle.warnings();
-            Ok((
-                vehicle.name,
-                warnings.iter().map(ToString::to_string).collect(),
-            ))
-        }),
+        VehicleCommand::Check(args) => check(&VEHICLES, args),
         VehicleCommand::Draw(args) => draw(args),
     }
 }
@@ -92,23 +123,17 @@ pub fn vehicle(command: &VehicleCommand) -> anyhow::Result<Outcome> {
 pub fn sensors(command: &SensorsCommand) -> anyhow::Result<Outcome> {
     match command {
         SensorsCommand::Show(args) => SENSORS.show(args),
-        SensorsCommand::Check(args) => check(&SENSORS, args, |text, file| {
-            Ok((Sensors::from_toml(text, file)?.name, Vec::new()))
-        }),
+        SensorsCommand::Check(args) => check(&SENSORS, args),
     }
 }
 
 /// Name and warnings of a file.
 type Checked = (String, Vec<String>);
 
-fn check(
-    files: &Files,
-    args: &CheckFilesArgs,
-    read: impl Fn(&str, &str) -> anyhow::Result<Checked>,
-) -> anyhow::Result<Outcome> {
+fn check(files: &Files, args: &CheckFilesArgs) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Good;
     for file in &args.files {
-        match read(&files.text(file)?, file) {
+        match (files.read)(&files.text(file)?, file) {
             Ok((name, warnings)) => {
                 println!("{file}: {}, no errors", printable(&name));
                 for warning in warnings {
