@@ -12,7 +12,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sim::Manoeuvre;
 
-pub use files::{CheckFilesArgs, DrawArgs, SensorsCommand, ShowArgs, VehicleCommand};
+pub use files::{CheckFilesArgs, DrawArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand};
 pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
     RollCentreArgs,
@@ -26,7 +26,7 @@ Examples:
   atvrec init                         find the devices, write atvrec.toml
   atvrec check                        check atvrec.toml and the devices in it
   atvrec record                       record with atvrec.toml until Ctrl-C
-  atvrec vehicle show prowler         print a vehicle file as a template
+  atvrec vehicle new -o vehicle.toml  write a template of a vehicle file
   atvrec replay drive.mcap --verify   repeat the estimate, compare bit by bit
   atvrec simulate --manoeuvre slow-sine -o sine.mcap
   atvrec report drive.mcap -o drive.html

@@ -9,9 +9,7 @@ use crate::cli::InitArgs;
 use crate::cmd::files::{Files, SENSORS, VEHICLES};
 use crate::exit::UsageError;
 
-/// Default answers.
-const VEHICLE: &str = "prowler";
-const SENSORS_DEFAULT: &str = "thesis-10bit";
+/// Default directory of the logs.
 const STORAGE: &str = "logs";
 
 /// The decisions.
@@ -34,14 +32,12 @@ pub fn ask(
     let vehicle = file(
         &VEHICLES,
         args.vehicle.as_deref(),
-        VEHICLE,
         input.as_deref_mut(),
         output,
     )?;
     let sensors = file(
         &SENSORS,
         args.sensors.as_deref(),
-        SENSORS_DEFAULT,
         input.as_deref_mut(),
         output,
     )?;
@@ -65,10 +61,10 @@ pub fn ask(
 fn file(
     files: &Files,
     given: Option<&str>,
-    default: &str,
     input: Option<&mut (dyn BufRead + '_)>,
     output: &mut dyn Write,
 ) -> anyhow::Result<String> {
+    let default = files.default;
     let (Some(input), None) = (input, given) else {
         let file = given.unwrap_or(default);
         files.check(file)?;
@@ -134,7 +130,7 @@ mod tests {
         let answers = ask(&args(&[]), Some(&mut input), &mut output).expect("answers");
         let told = String::from_utf8(output).expect("text");
         assert_eq!(answers.vehicle, "prowler-chang");
-        assert_eq!(answers.sensors, SENSORS_DEFAULT);
+        assert_eq!(answers.sensors, SENSORS.default);
         assert_eq!(answers.storage, PathBuf::from("records"));
         assert!(told.contains("prowlr is neither a file nor"), "{told}");
         assert!(told.contains("thesis-10bit-hub"), "{told}");

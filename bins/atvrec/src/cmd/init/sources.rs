@@ -14,6 +14,7 @@ use wire::recognise::Format;
 
 use super::devices::{Interface, Port, PortState, bytes_of, identifiers};
 use crate::cli::InitArgs;
+use crate::cmd::comment;
 use crate::exit::UsageError;
 
 /// Name of the DBC file that is part of the program.
@@ -550,19 +551,4 @@ impl Planned {
             );
         }
     }
-}
-
-/// Adds comment lines of at most 100 characters.
-pub fn comment(text: &mut String, line: &str) {
-    let mut width = 0;
-    for word in printable(line).split_whitespace() {
-        if width == 0 || width + word.len() + 1 > 100 {
-            text.push_str(if width == 0 { "#" } else { "\n#" });
-            width = 1;
-        }
-        text.push(' ');
-        text.push_str(word);
-        width += word.len() + 1;
-    }
-    text.push('\n');
 }
