@@ -1,5 +1,6 @@
 //! The command line.
 
+mod examples;
 mod files;
 mod identify;
 mod import;
@@ -12,6 +13,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sim::Manoeuvre;
 
+pub use examples::EXAMPLES;
 pub use files::{CheckFilesArgs, DrawArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand};
 pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
