@@ -42,7 +42,7 @@ pub struct FoundPort {
 pub fn can_interfaces() -> io::Result<Vec<FoundInterface>> {
     let mut interfaces = interfaces_below(Path::new("/sys/class/net"))?;
     for interface in &mut interfaces {
-        let details = CanInterface::open(&interface.name).and_then(|link| Ok(link.details()?));
+        let details = CanInterface::open(&interface.name).and_then(|link| link.details());
         if let Ok(details) = details {
             interface.is_up = details.is_up;
             let timing = details.can.bit_timing;
