@@ -1,6 +1,6 @@
 //! Boots the rig: `tests/rig/rig`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::{atvrec, project};
@@ -22,6 +22,37 @@ pub fn new_output_folder(script: &str) -> PathBuf {
     std::fs::create_dir_all(&out).expect("output folder");
     std::fs::copy(atvrec(), out.join("atvrec")).expect("the guest gets a copy of the binary");
     out
+}
+
+/// Adds what a guest script installs: the package that the environment names, or the files of which it is
+/// made.
+///
+/// # Panics
+/// If a file cannot be copied.
+#[allow(
+    clippy::disallowed_methods,
+    reason = "the environment names the package"
+)]
+pub fn install_folder(out: &Path) {
+    copy_folder(&project().join("packaging"), &out.join("packaging"));
+    let script = project().join("tests/rig/guest/install.sh");
+    std::fs::copy(script, out.join("install.sh")).expect("copied");
+    if let Some(package) = std::env::var_os("ATVREC_DEB") {
+        std::fs::copy(package, out.join("atvrec.deb")).expect("the package is there");
+    }
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).expect("a folder");
+    for entry in std::fs::read_dir(from).expect("readable") {
+        let entry = entry.expect("readable").path();
+        let target = to.join(entry.file_name().expect("a name"));
+        if entry.is_dir() {
+            copy_folder(&entry, &target);
+        } else {
+            std::fs::copy(&entry, &target).expect("copied");
+        }
+    }
 }
 
 /// Boots the rig with a guest script; its output folder must be there.

@@ -1,8 +1,10 @@
 //! The command line.
 
+mod examples;
 mod files;
 mod identify;
 mod import;
+mod init;
 mod number;
 
 use std::path::{Path, PathBuf};
@@ -11,19 +13,22 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sim::Manoeuvre;
 
-pub use files::{CheckFilesArgs, DrawArgs, SensorsCommand, ShowArgs, VehicleCommand};
+pub use examples::EXAMPLES;
+pub use files::{CheckFilesArgs, DrawArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand};
 pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
     RollCentreArgs,
 };
 pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
+pub use init::InitArgs;
 
 const AFTER_HELP: &str = "\
 Examples:
   atvrec demo                         record, replay and report a virtual drive
+  atvrec init                         find the devices, write atvrec.toml
   atvrec check                        check atvrec.toml and the devices in it
   atvrec record                       record with atvrec.toml until Ctrl-C
-  atvrec vehicle show prowler         print a vehicle file as a template
+  atvrec vehicle new -o vehicle.toml  write a template of a vehicle file
   atvrec replay drive.mcap --verify   repeat the estimate, compare bit by bit
   atvrec simulate --manoeuvre slow-sine -o sine.mcap
   atvrec report drive.mcap -o drive.html
@@ -63,6 +68,13 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Find the devices of this computer and write a configuration for them.
+    ///
+    /// The command lists CAN interfaces and serial ports, listens to each of them, recognises what they
+    /// send, and proposes roles for the signals of DBC files. It writes atvrec.toml, vehicle.toml and
+    /// sensors.toml with comments. It does not change a device: a port that sends nothing is only asked
+    /// whether it is an SLCAN adapter, whose bus is then read without acknowledging frames.
+    Init(InitArgs),
     /// Record all configured sources and estimate tyre forces.
     Record(RecordArgs),
     /// Repeat the estimate from the raw data of a log.

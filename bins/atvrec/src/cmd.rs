@@ -13,6 +13,7 @@ pub mod findings;
 pub mod identify;
 pub mod import;
 pub mod info;
+pub mod init;
 pub mod link;
 #[cfg(feature = "live")]
 pub mod live;
@@ -31,6 +32,7 @@ use std::path::Path;
 
 use engine::config::NOT_ATTACHED;
 use engine::{Config, scope};
+use sample::text::printable;
 use store::Info;
 
 use crate::exit::UsageError;
@@ -90,4 +92,19 @@ pub fn name_options(error: engine::Error, options: &[(&str, &str)]) -> engine::E
         }
     }
     engine::Error::Configuration(problems)
+}
+
+/// Adds a comment to a TOML text, in lines of at most 100 characters.
+fn comment(text: &mut String, line: &str) {
+    let mut width = 0;
+    for word in printable(line).split_whitespace() {
+        if width == 0 || width + word.len() + 1 > 100 {
+            text.push_str(if width == 0 { "#" } else { "\n#" });
+            width = 1;
+        }
+        text.push(' ');
+        text.push_str(word);
+        width += word.len() + 1;
+    }
+    text.push('\n');
 }

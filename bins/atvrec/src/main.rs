@@ -15,6 +15,7 @@ mod devices;
 mod exit;
 mod folder;
 mod interrupt;
+mod listening;
 mod messages;
 mod output_can;
 mod pipeline;
@@ -35,7 +36,9 @@ use exit::Outcome;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    messages::start(cli.verbose, cli.quiet);
+    // `init` prints the state of each device itself, and opens each one several times.
+    let is_init = matches!(cli.command, Command::Init(_));
+    messages::start(cli.verbose, cli.quiet || (is_init && cli.verbose == 0));
     let result = run(cli);
     messages::finish();
     match result {
@@ -51,6 +54,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
     store::set_max_chunk(cli.max_chunk << 20);
     let quiet = cli.quiet;
     match cli.command {
+        Command::Init(args) => cmd::init::run(&args),
         Command::Record(args) => cmd::record::run(&args, quiet),
         Command::Replay(args) => cmd::replay::run(&args, quiet),
         Command::Report(args) => cmd::report::run(&args, quiet),

@@ -19,6 +19,7 @@ mod clock;
 mod context;
 mod datagram;
 mod dialogue;
+mod found;
 mod frame_sender;
 pub mod link;
 mod pace;
@@ -37,6 +38,7 @@ pub use sample;
 
 pub use can_sender::CanSender;
 pub use clock::{LogClock, Reading};
+pub use found::{FoundInterface, FoundPort, can_interface, can_interfaces, serial_ports};
 pub use frame_sender::FrameSender;
 pub use link::LinkSpec;
 pub use sequencer::{QueueSizes, RingLimits, Sequencer, SourceCounters, Streams};

@@ -8,6 +8,7 @@ mod files;
 mod live;
 mod output;
 mod overrides;
+mod proposal;
 mod record;
 mod roles;
 mod source;
@@ -27,6 +28,7 @@ pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, NOT_ATTACHED, r
 pub use live::Live;
 pub use model::file::{Problem, TOML_MAX, closest};
 pub use output::{CanOutput, CanPort, Output, UdpOutput};
+pub use proposal::{Proposed, propose};
 pub(crate) use record::can_messages;
 pub use roles::{Role, RoleOf};
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};

@@ -135,7 +135,7 @@ impl Kind {
             Self::Toml => &["toml"],
             Self::Table { parquet: true } => &["csv", "parquet"],
             Self::Table { parquet: false } => &["csv"],
-            Self::Manual => &["1"],
+            Self::Manual => &["1", "5"],
             Self::Any => &[],
         }
     }

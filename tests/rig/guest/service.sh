@@ -18,21 +18,7 @@ wait_for() { # what, command...
 }
 
 say install
-if [ -e /rig/atvrec.deb ]; then
-    # The index of all manual pages takes minutes here.
-    rm -f /var/lib/man-db/auto-update
-    dpkg -i /rig/atvrec.deb
-    dpkg -L atvrec >/rig/package.list
-else
-    cp /rig/atvrec /usr/bin/atvrec
-    mkdir -p /etc/atvrec /usr/lib/sysusers.d /usr/lib/sysctl.d
-    cp /rig/packaging/atvrec.toml /etc/atvrec/
-    cp /rig/packaging/*.service /lib/systemd/system/
-    cp /rig/packaging/sysusers.conf /usr/lib/sysusers.d/atvrec.conf
-    cp /rig/packaging/sysctl.conf /usr/lib/sysctl.d/60-atvrec.conf
-    cp /rig/packaging/udev.rules /lib/udev/rules.d/60-atvrec.rules
-    sh /rig/packaging/deb/postinst configure
-fi
+. /rig/install.sh
 id atvrec
 useradd -G atvrec member
 useradd stranger

@@ -3,6 +3,7 @@
 
 mod disk;
 mod drive;
+mod newcomer;
 mod powercut;
 mod service;
 mod stress;

@@ -9,10 +9,11 @@ use super::Replace;
 /// `atvrec vehicle`.
 #[derive(Debug, Subcommand)]
 pub enum VehicleCommand {
-    /// Print a vehicle file, or list the built-in ones.
+    /// Write a template of a vehicle file: a built-in file with the meaning of each field.
     ///
-    /// A built-in file is a template: print it to a file, and replace its values with those of your
-    /// vehicle.
+    /// Replace its values with those of your vehicle.
+    New(NewArgs),
+    /// Print a vehicle file, or list the built-in ones.
     Show(ShowArgs),
     /// Check vehicle files: errors, and values that are far from usual, with their probable unit.
     ///
@@ -28,13 +29,28 @@ pub enum VehicleCommand {
 /// `atvrec sensors`.
 #[derive(Debug, Subcommand)]
 pub enum SensorsCommand {
-    /// Print a sensors file, or list the built-in ones.
+    /// Write a template of a sensors file: a built-in file with the meaning of each field.
     ///
-    /// A built-in file is a template: print it to a file, and replace its values with those of your
-    /// sensors.
+    /// Replace its values with those of your sensors.
+    New(NewArgs),
+    /// Print a sensors file, or list the built-in ones.
     Show(ShowArgs),
     /// Check sensors files.
     Check(CheckFilesArgs),
+}
+
+/// Template to write.
+#[derive(Debug, Args)]
+pub struct NewArgs {
+    /// Name of the built-in file whose values the template has [default: prowler or thesis-10bit].
+    #[arg(value_name = "TEMPLATE")]
+    pub template: Option<String>,
+    /// File to write [default: vehicle.toml or sensors.toml].
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// What to print.

@@ -1,9 +1,8 @@
 //! `atvrec check`: errors of a configuration, and whether its devices send data.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
-use acq::{LogClock, QueueSizes, Sequencer, SourceCounters, Supervisor};
+use acq::SourceCounters;
 use engine::config::device_name;
 use engine::{Config, Engine, Listened, Reception, bus_warnings, scope};
 use sample::text::printable;
@@ -13,10 +12,7 @@ use store::Losses;
 
 use crate::cli::CheckArgs;
 use crate::exit::Outcome;
-use crate::retention;
-
-/// Longest time that sources may take to end.
-const STOP_DEADLINE: Duration = Duration::from_secs(1);
+use crate::{listening, retention};
 
 /// Result of listening to a device.
 struct DeviceCheck {
@@ -103,42 +99,25 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
 
 fn listen(
     config: &Config,
-    mut engine: Engine,
+    engine: Engine,
     listen_s: f64,
 ) -> anyhow::Result<(Vec<DeviceCheck>, Listened)> {
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(1)
-        .enable_all()
-        .build()?;
-    let (counters, losses, listened, engine) = runtime.block_on(async {
-        let sizes = QueueSizes {
-            estimator: 0,
-            ..QueueSizes::default()
-        };
-        let (sequencer, mut streams) = Sequencer::new(LogClock::start(), sizes);
-        let drain = tokio::spawn(async move {
-            let (mut listened, mut records) = (Listened::default(), Vec::new());
-            while let Some(arrival) = streams.recorder.recv().await {
-                engine.push(&arrival, &mut records);
-                for record in records.drain(..) {
-                    listened.push(&record);
-                }
+    let specs = config.sources.iter().map(|source| source.spec.clone());
+    let state = (Listened::default(), engine);
+    let mut records = Vec::new();
+    let heard = listening::listen(
+        specs,
+        listen_s,
+        state,
+        move |(listened, engine), arrival| {
+            engine.push(arrival, &mut records);
+            for record in records.drain(..) {
+                listened.push(&record);
             }
-            (listened, engine)
-        });
-        let mut supervisor = Supervisor::new(sequencer.clone());
-        for source in &config.sources {
-            supervisor.spawn(source.spec.clone());
-        }
-        tokio::time::sleep(Duration::from_secs_f64(listen_s)).await;
-        let counters = sequencer.counters();
-        if let Err(stuck) = supervisor.stop(STOP_DEADLINE).await {
-            tracing::warn!(%stuck, "sources did not end in time and were aborted");
-        }
-        sequencer.finish();
-        let (listened, engine) = drain.await?;
-        anyhow::Ok((counters, sequencer.ledger().losses(), listened, engine))
-    })?;
+        },
+    )?;
+    let (listened, engine) = heard.state;
+    let (counters, losses) = (heard.counters, heard.losses);
     let mut devices = results(config, &counters, &losses);
     let receptions = engine.reception();
     for ((device, source), reception) in devices.iter_mut().zip(&config.sources).zip(receptions) {
@@ -188,7 +167,7 @@ fn print(devices: &[DeviceCheck]) {
     for device in devices {
         let lost: u64 = device.lost.iter().sum();
         println!(
-            "  {:<14}{:<32}{:<15}{:>8} items {:>9} bytes{}",
+            "  {:<13} {:<31} {:<15}{:>8} items {:>9} bytes{}",
             device.name,
             printable(&device.device),
             device.state.name(),

@@ -1,5 +1,7 @@
 //! `atvrec vehicle` and `atvrec sensors`: the built-in files as templates, checks, and a drawing.
 
+mod template;
+
 use std::path::Path;
 
 use anyhow::Context;
@@ -9,28 +11,77 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::text::printable;
 
-use crate::cli::{CheckFilesArgs, DrawArgs, SensorsCommand, ShowArgs, VehicleCommand};
+use crate::cli::{CheckFilesArgs, DrawArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand};
 use crate::exit::{Outcome, UsageError};
 use crate::messages;
 
 /// A kind of file that has built-in examples.
-struct Files {
+pub struct Files {
     /// Name of the kind.
-    kind: &'static str,
+    pub kind: &'static str,
     builtin: fn(&str) -> Option<&'static str>,
     names: fn() -> Vec<&'static str>,
+    /// Name and warnings of a text, and what is wrong with it.
+    read: fn(&str, &str) -> anyhow::Result<Checked>,
+    /// Name of the built-in file that is the template, if no other one is named.
+    pub default: &'static str,
+    /// JSON Schema of the kind, with the meaning of each field.
+    schema: &'static str,
+    /// Beginning of a template.
+    header: &'static str,
 }
 
-const VEHICLES: Files = Files {
+const VEHICLE_HEADER: &str = "\
+Template of a vehicle file. The values are those of a built-in vehicle: replace each of them.
+Units are SI. Axes: x forward, y to the left, z up. The manual page atvrec-vehicle(5) describes the frame of each point.
+What to measure first:
+1. masses: each wheel on a scale, with and without driver and load; they give mass_kg and the axle distances of [body]
+2. track widths, and the height of the centre of gravity
+3. hard-points of the left corners of both axles, from the ground below the middle of the axle
+4. springs, dampers and stops of [front.strut] and [rear.strut]
+5. steering: turns of the steering wheel against the angles of the road wheels
+6. tyres: radius and vertical stiffness
+Then: `atvrec vehicle check FILE` names values that are far from usual, and `atvrec vehicle draw FILE` shows a mistyped coordinate.
+";
+
+const SENSORS_HEADER: &str = "\
+Template of a sensors file. The values are those of a built-in sensor set: replace each of them.
+Units are SI. The manual page atvrec-sensors(5) describes each field.
+What to find out first:
+1. strain: diameters of the tubes, wiring of the bridges, gauge factor, excitation, gain resistor, bits of the converter
+2. rates: how often each device sends; `atvrec check` compares them with the rates that arrive
+3. positions of the inertial unit and of the antennas, from the centre of gravity without payload
+4. noise: from the data sheets, or from a recording at rest
+Then: `atvrec sensors check FILE`.
+";
+
+/// Vehicle files.
+pub const VEHICLES: Files = Files {
     kind: "vehicle",
     builtin: Vehicle::builtin_text,
     names: || Vehicle::builtin_names().collect(),
+    read: |text, file| {
+        let vehicle = Vehicle::from_toml(text, file)?;
+        let warnings = vehicle.warnings();
+        Ok((
+            vehicle.name,
+            warnings.iter().map(ToString::to_string).collect(),
+        ))
+    },
+    default: "prowler",
+    schema: include_str!("../../../../docs/vehicle-file.schema.json"),
+    header: VEHICLE_HEADER,
 };
 
-const SENSORS: Files = Files {
+/// Sensors files.
+pub const SENSORS: Files = Files {
     kind: "sensors",
     builtin: Sensors::builtin_text,
     names: || Sensors::builtin_names().collect(),
+    read: |text, file| Ok((Sensors::from_toml(text, file)?.name, Vec::new())),
+    default: "thesis-10bit",
+    schema: include_str!("../../../../docs/sensors-file.schema.json"),
+    header: SENSORS_HEADER,
 };
 
 impl Files {
@@ -49,6 +100,55 @@ impl Files {
             .into());
         }
         read_text(path, TOML_MAX).with_context(|| format!("cannot read {}", path.display()))
+    }
+
+    /// Whether this is the name of a built-in file.
+    pub fn is_builtin(&self, name: &str) -> bool {
+        (self.builtin)(name).is_some()
+    }
+
+    /// Names of the built-in files.
+    pub fn names(&self) -> Vec<&'static str> {
+        (self.names)()
+    }
+
+    /// Usual name of a file of this kind.
+    pub fn file_name(&self) -> String {
+        format!("{}.toml", self.kind)
+    }
+
+    /// Refuses a file that cannot be read or has an error.
+    pub fn check(&self, file: &str) -> anyhow::Result<()> {
+        (self.read)(&self.text(file)?, file).map(drop)
+    }
+
+    /// A built-in file as a template.
+    pub fn template(&self, name: &str) -> anyhow::Result<String> {
+        template::template(&self.text(name)?, self.schema, self.header)
+    }
+
+    fn new_file(&self, args: &NewArgs) -> anyhow::Result<Outcome> {
+        let name = args.template.as_deref().unwrap_or(self.default);
+        if !self.is_builtin(name) {
+            return Err(UsageError(format!(
+                "{name} is not the name of a built-in {} file; the built-in ones are {}",
+                self.kind,
+                self.names().join(", ")
+            ))
+            .into());
+        }
+        let output = args
+            .output
+            .clone()
+            .unwrap_or_else(|| self.file_name().into());
+        let target = Target::new(&output, Kind::Toml, args.replace.force, [Path::new(name)])?;
+        target.write(&self.template(name)?)?;
+        println!(
+            "{}: template of a {} file, with the values of {name}",
+            output.display(),
+            self.kind
+        );
+        Ok(Outcome::Good)
     }
 
     fn show(&self, args: &ShowArgs) -> anyhow::Result<Outcome> {
@@ -75,15 +175,9 @@ struct Titled {
 /// Runs `atvrec vehicle`.
 pub fn vehicle(command: &VehicleCommand) -> anyhow::Result<Outcome> {
     match command {
+        VehicleCommand::New(args) => VEHICLES.new_file(args),
         VehicleCommand::Show(args) => VEHICLES.show(args),
-        VehicleCommand::Check(args) => check(&VEHICLES, args, |text, file| {
-            let vehicle = Vehicle::from_toml(text, file)?;
-            let warnings = vehicle.warnings();
-            Ok((
-                vehicle.name,
-                warnings.iter().map(ToString::to_string).collect(),
-            ))
-        }),
+        VehicleCommand::Check(args) => check(&VEHICLES, args),
         VehicleCommand::Draw(args) => draw(args),
     }
 }
@@ -91,24 +185,19 @@ pub fn vehicle(command: &VehicleCommand) -> anyhow::Result<Outcome> {
 /// Runs `atvrec sensors`.
 pub fn sensors(command: &SensorsCommand) -> anyhow::Result<Outcome> {
     match command {
+        SensorsCommand::New(args) => SENSORS.new_file(args),
         SensorsCommand::Show(args) => SENSORS.show(args),
-        SensorsCommand::Check(args) => check(&SENSORS, args, |text, file| {
-            Ok((Sensors::from_toml(text, file)?.name, Vec::new()))
-        }),
+        SensorsCommand::Check(args) => check(&SENSORS, args),
     }
 }
 
 /// Name and warnings of a file.
 type Checked = (String, Vec<String>);
 
-fn check(
-    files: &Files,
-    args: &CheckFilesArgs,
-    read: impl Fn(&str, &str) -> anyhow::Result<Checked>,
-) -> anyhow::Result<Outcome> {
+fn check(files: &Files, args: &CheckFilesArgs) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Good;
     for file in &args.files {
-        match read(&files.text(file)?, file) {
+        match (files.read)(&files.text(file)?, file) {
             Ok((name, warnings)) => {
                 println!("{file}: {}, no errors", printable(&name));
                 for warning in warnings {

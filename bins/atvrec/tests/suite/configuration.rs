@@ -172,23 +172,39 @@ fn every_command_has_a_manual_page() {
         .args(["man", "pages"])
         .assert()
         .success();
-    for page in ["atvrec.1", "atvrec-record.1", "atvrec-calibrate-zero.1"] {
-        let text = fs::read_to_string(directory.path().join("pages").join(page)).expect(page);
-        assert!(text.contains(".SH SYNOPSIS"), "{page}: {text}");
-        assert!(
-            text.contains("finished, but data was lost"),
-            "{page}: {text}"
-        );
+    let pages = directory.path().join("pages");
+    let read = |page: &str| fs::read_to_string(pages.join(page)).expect(page);
+    let names = crate::support::names(&pages);
+    let commands = names.iter().filter(|name| name.ends_with(".1"));
+    let mut count = 0;
+    for page in commands {
+        let text = read(page);
+        for part in [
+            ".SH SYNOPSIS",
+            ".SH EXAMPLES\n.TP\n\\fBatvrec",
+            ".SH \"EXIT STATUS\"\n.TP\n\\fB0\\fR",
+            "finished, but data was lost",
+        ] {
+            assert_eq!(text.matches(part).count(), 1, "{page}: {part}: {text}");
+        }
+        count += 1;
     }
-    let record =
-        fs::read_to_string(directory.path().join("pages/atvrec-record.1")).expect("a page");
-    for part in [
-        ".SH \"EXAMPLES\"",
-        "\\fBatvrec record\\fR",
-        ".SH \"EXIT STATUS\"",
-        "\\fB3\\fR",
+    assert!(count > 50, "{names:?}");
+    // The pages of the files have every field of the documentation.
+    for (page, document) in [
+        ("atvrec.toml.5", "configuration"),
+        ("atvrec-vehicle.5", "vehicle-file"),
+        ("atvrec-sensors.5", "sensors-file"),
     ] {
-        assert!(record.contains(part), "{part}: {record}");
+        let (text, path) = (read(page), format!("docs/{document}.md"));
+        let markdown = fs::read_to_string(testkit::project().join(path)).expect("a document");
+        let fields = markdown.lines().filter_map(|line| line.strip_prefix("| `"));
+        let mut fields = fields.filter_map(|line| line.split('`').next());
+        assert!(text.contains(".SH NAME\natvrec"), "{page}");
+        let escaped = |field: &str| field.replace('.', "\\&.").replace('-', "\\-");
+        let has = |field: &str| text.contains(&format!("\\fB{field}\\fR"));
+        let absent = fields.find(|field| !has(field) && !has(&escaped(field)));
+        assert_eq!(absent, None, "{page}");
     }
 }
 

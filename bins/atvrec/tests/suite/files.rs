@@ -76,3 +76,49 @@ fn wrong_names_files_and_linkages_are_refused_by_name() {
     let car = message(&["vehicle", "draw", "car.toml"], 1);
     assert!(car.contains("no hard-points"), "{car}");
 }
+
+/// `new` writes what `init` writes, and replaces nothing.
+#[test]
+fn a_new_file_is_a_template_with_comments() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    for (kind, part) in [
+        ("vehicle", "# Total mass m, kg.\nmass_kg = 644"),
+        ("sensors", "# Gauge factor GF."),
+    ] {
+        let own = ["-o", "own.toml"];
+        let told = stdout(
+            &atvrec(here)
+                .args([kind, "new"])
+                .args(own)
+                .assert()
+                .success(),
+        );
+        assert!(
+            told.contains(&format!("template of a {kind} file")),
+            "{told}"
+        );
+        let text = fs::read_to_string(here.join("own.toml")).expect("a template");
+        assert!(
+            text.starts_with(&format!("# Template of a {kind} file.")) && text.contains(part),
+            "{text}"
+        );
+        atvrec(here)
+            .args([kind, "check", "own.toml"])
+            .assert()
+            .success();
+        let again = atvrec(here).args([kind, "new"]).args(own).assert().code(2);
+        assert!(stderr(&again).contains("exists already"));
+        let init = ["init", "--yes", "--can", "nocan77", "-d", kind];
+        atvrec(here).args(init).assert().success();
+        let of_init =
+            fs::read_to_string(here.join(kind).join(format!("{kind}.toml"))).expect("a template");
+        assert_eq!(of_init, text);
+        let unknown = atvrec(here)
+            .args([kind, "new", "own.toml"])
+            .assert()
+            .code(2);
+        assert!(stderr(&unknown).contains("own.toml is not the name of a built-in"));
+        fs::remove_file(here.join("own.toml")).expect("removed");
+    }
+}

@@ -13,25 +13,29 @@ use wire::nmea::encode_sentence;
 
 use crate::support::{atvrec, stderr, stdout};
 
-/// A device that repeats some bytes twenty times a second.
-struct Device {
+/// A device that repeats some bytes, twenty times a second. Of longer ones it sends a part each time.
+pub struct Device {
     stop: Arc<AtomicBool>,
     sender: Option<JoinHandle<()>>,
-    path: String,
+    pub path: String,
 }
 
+/// Most bytes that a device sends at once: less than a pseudo-terminal stores.
+const PART_BYTES: usize = 1_024;
+
 impl Device {
-    fn new(message: Vec<u8>) -> Self {
+    pub fn new(message: Vec<u8>) -> Self {
         let mut port = VirtualPort::new().expect("a pseudo-terminal");
         let path = port.path().display().to_string();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let sender = std::thread::spawn(move || {
+            let mut parts = message.chunks(PART_BYTES).cycle();
             while !stopped.load(Ordering::Relaxed) {
                 let mut buffer = [0; 256];
                 // Commands of the recorder mean nothing to this device.
                 let _ = port.read(&mut buffer);
-                let _ = port.write(&message);
+                let _ = port.write(parts.next().unwrap_or_default());
                 std::thread::sleep(Duration::from_millis(50));
             }
         });

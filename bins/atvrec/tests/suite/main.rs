@@ -21,6 +21,7 @@ mod hostile;
 mod identify;
 mod import;
 mod import_kinds;
+mod init;
 mod inputs;
 #[cfg(target_os = "linux")]
 mod interrupt;

@@ -1,5 +1,7 @@
 //! `docs/works-with.md`, which is written from the recordings of real devices.
 
+mod setup;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -123,12 +125,13 @@ fn the_table_of_devices_is_current() {
          whether it is decoded.\n\n\
          | device | protocol | source | decoded messages that were compared |\n|---|---|---|---|\n",
     );
-    let mut total = (0, 0);
+    let (mut total, mut used) = ((0, 0), Vec::new());
     for (folder, device) in DEVICES {
         let Some(bytes) = common::read(&format!("devices/{folder}/recording.bin")) else {
             return;
         };
         let format = recognise(&bytes).expect("a known format");
+        used.push(format);
         let kind = match (folder, format.kind()) {
             (_, None) => "recognised, not decoded".to_owned(),
             (_, Some(kind)) => format!("`{kind}`"),
@@ -154,5 +157,6 @@ fn the_table_of_devices_is_current() {
          Crossbow 440 (`crossbow440`), devices that write lines of numbers (`line`, `csv`).\n",
         total.0, total.1
     );
+    text += &setup::section(&used);
     testkit::assert_file("docs/works-with.md", text);
 }

@@ -1,14 +1,10 @@
 //! The recorder as a service of a real Linux: installed, hardened, watched, reloaded, killed.
-#![allow(
-    clippy::disallowed_methods,
-    reason = "the environment names the package"
-)]
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use atvrec_tests::rig::{boot, new_output_folder};
-use atvrec_tests::{atvrec, logs_in, project};
+use atvrec_tests::rig::{boot, install_folder, new_output_folder};
+use atvrec_tests::{atvrec, logs_in};
 use sample::Payload;
 use store::Reader;
 
@@ -18,7 +14,7 @@ const EXPOSURE_MAX: f64 = 1.5;
 /// See [`EXPOSURE_MAX`].
 const LIVE_EXPOSURE_MAX: f64 = 2.0;
 
-struct Running(Child);
+pub struct Running(Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
@@ -28,7 +24,7 @@ impl Drop for Running {
 }
 
 /// The inertial unit of a virtual vehicle, which drives until this is dropped.
-fn inertial_unit(folder: &Path) -> (Running, PathBuf) {
+pub fn inertial_unit(folder: &Path) -> (Running, PathBuf) {
     let ports = folder.join("ports");
     let vehicle = Command::new(atvrec())
         .args(["virtual", "--manoeuvre", "slow-sine", "--repeat", "-q"])
@@ -46,19 +42,6 @@ fn inertial_unit(folder: &Path) -> (Running, PathBuf) {
         std::thread::sleep(std::time::Duration::from_millis(100));
     }
     panic!("{} did not appear", port.display());
-}
-
-fn copy_folder(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).expect("a folder");
-    for entry in std::fs::read_dir(from).expect("readable") {
-        let entry = entry.expect("readable").path();
-        let target = to.join(entry.file_name().expect("a name"));
-        if entry.is_dir() {
-            copy_folder(&entry, &target);
-        } else {
-            std::fs::copy(&entry, &target).expect("copied");
-        }
-    }
 }
 
 fn verify(log: &Path) {
@@ -96,10 +79,7 @@ fn counts(logs: &[PathBuf], name: &str) -> Vec<u64> {
 #[test]
 fn the_service_records_reloads_survives_and_stops() {
     let out = new_output_folder("service");
-    copy_folder(&project().join("packaging"), &out.join("packaging"));
-    if let Some(package) = std::env::var_os("ATVREC_DEB") {
-        std::fs::copy(package, out.join("atvrec.deb")).expect("the package is there");
-    }
+    install_folder(&out);
     let (_vehicle, imu) = inertial_unit(&out);
     let imu = imu.display().to_string();
     let options = ["--init", "systemd", "--timeout", "900", "--uart", &imu];
