@@ -37,11 +37,6 @@ use crate::tuning::InertialForcesTuning;
 use loads::Loads;
 use turning::Turning;
 
-/// Speed below which a wheel counts as standing: brake torque has no sign, m/s.
-const STANDING_M_S: f64 = 0.2;
-/// Smallest load in a quotient, N.
-const LOAD_MIN_N: f64 = 1.0;
-
 /// The estimator of the forces.
 #[derive(Clone, Debug)]
 pub struct InertialForces {
@@ -161,7 +156,7 @@ impl InertialForces {
     pub fn in_carrier_frame(&self, contact: &PerWheel<TyreForce>) -> PerWheel<TyreForce> {
         let camber = self.tuning.camber_sigma_rad;
         PerWheel::from_fn(|wheel| {
-            let mut force = contact[wheel].clone();
+            let mut force = contact[wheel];
             let [_, across, load] = force.force_n;
             let [_, across_sigma, load_sigma] = &mut force.sigma_n;
             *across_sigma = math::hypot(*across_sigma, camber * load);
@@ -236,7 +231,7 @@ impl InertialForces {
             // The balance corrects torques by their variances.
             Some((force, sigma)) if open <= 0.0 => {
                 let total = variance + whole_sigma_n.powi(2);
-                let gain = sigma * sigma / total.max(LOAD_MIN_N);
+                let gain = sigma * sigma / total.max(1.0);
                 (force + gain * rest_n, sigma * (1.0 - gain).max(0.0).sqrt())
             }
             Some(known) => known,
@@ -343,7 +338,7 @@ impl InertialForces {
     fn shares(&self, axle: usize, loads_n: [f64; 2]) -> [f64; 2] {
         let tyre: &Tyre = [&self.vehicle.front.tyre, &self.vehicle.rear.tyre][axle];
         let stiffness = loads_n.map(|load| {
-            let load = load.max(LOAD_MIN_N) / tyre.reference_load_n.max(LOAD_MIN_N);
+            let load = load.max(1.0) / tyre.reference_load_n.max(1.0);
             math::powf(load, tyre.load_exponent.clamp(0.3, 1.0))
         });
         let whole = stiffness[0] + stiffness[1];
@@ -352,16 +347,20 @@ impl InertialForces {
 }
 
 /// Sum of drive and brake torque of each wheel about its spindle, forward positive, N m: a brake torque acts against
-/// the rotation. `None` where neither is recorded.
+/// the rotation, and has no sign at a standstill, below `standing_m_s`. `None` where neither is recorded.
 #[must_use]
-pub fn net_torque(torques_n_m: &[[f64; 4]; 2], speed_m_s: f64) -> PerWheel<Option<f64>> {
+pub fn net_torque(
+    torques_n_m: &[[f64; 4]; 2],
+    speed_m_s: f64,
+    standing_m_s: f64,
+) -> PerWheel<Option<f64>> {
     let [drive, brake] = torques_n_m;
     PerWheel::from_fn(|wheel| {
         let i = wheel.index();
         if drive[i].is_nan() && brake[i].is_nan() {
             return None;
         }
-        let sign = if speed_m_s.abs() < STANDING_M_S {
+        let sign = if speed_m_s.abs() < standing_m_s {
             0.0
         } else {
             speed_m_s.signum()

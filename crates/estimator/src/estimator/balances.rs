@@ -60,7 +60,7 @@ impl Estimator {
     ) -> MeasuredForces {
         let navigated = self.corners.is_some() || self.is_navigated(now);
         let tuning = &self.settings.tuning;
-        let fresh_s = tuning.fresh_s;
+        let (fresh_s, standing_m_s) = (tuning.fresh_s, tuning.planar.standstill_m_s);
         let hitch = hitch_wrench(&self.vehicle, &self.readings, now, tuning);
         let mut input = InertialInput {
             dt_s: GRID_S,
@@ -89,11 +89,11 @@ impl Estimator {
             }
         }
         let torques = self.readings.torques_n_m(now, fresh_s);
-        input.torque_n_m = net_torque(&torques, input.speed_m_s);
+        input.torque_n_m = net_torque(&torques, input.speed_m_s, standing_m_s);
         let contact = forces.step(&input);
         MeasuredForces {
             carrier: forces.in_carrier_frame(&contact),
-            reported: contact.clone(),
+            reported: contact,
             contact,
             lagged: None,
             frames: None,

@@ -23,9 +23,6 @@ use super::{Estimated, InertialInput};
 use crate::handling::Handling;
 use crate::tuning::InertialForcesTuning;
 
-/// Excess of an identified roll gain over 1 below which it tells nothing of the roll stiffness.
-const ROLL_GAIN_MIN: f64 = 0.005;
-
 /// One axle.
 #[derive(Clone, Copy, Debug)]
 struct AxleRoll {
@@ -81,32 +78,7 @@ impl Loads {
         let sprung = vehicle.sprung();
         let roll_arm_m = vehicle.roll_arm_m().max(0.01);
         let pitch = vehicle.pitch();
-        let axle = |front: bool| {
-            let axle = if front { &vehicle.front } else { &vehicle.rear };
-            // Tyres are springs in series.
-            let tyres = 0.5 * axle.track_m.powi(2) * axle.tyre.vertical_stiffness_n_m;
-            let springs = axle.roll_stiffness_n_m_rad.max(1.0);
-            AxleRoll {
-                stiffness_n_m_rad: springs * tyres / (springs + tyres),
-                damping_n_m_s_rad: axle.roll_damping_n_m_s_rad,
-                centre_m: axle.roll_centre_height_m,
-                unsprung_kg: axle.unsprung_mass_kg(),
-                radius_m: axle.tyre.unloaded_radius_m,
-                track_m: axle.track_m,
-            }
-        };
-        let mut axles = [axle(true), axle(false)];
-        let gain = identified.map(|handling| handling.roll_gain - 1.0);
-        if let Some(gain) = gain.filter(|gain| *gain > ROLL_GAIN_MIN) {
-            // The roll angle at 1 g that the drive showed: g m_s h_1/(K - m_s g h_1) = gain.
-            let moment = sprung.mass_kg * STANDARD_GRAVITY_M_S2 * roll_arm_m;
-            let whole: f64 = axles.iter().map(|axle| axle.stiffness_n_m_rad).sum();
-            let scale = moment * (1.0 + 1.0 / gain) / whole;
-            for axle in &mut axles {
-                axle.stiffness_n_m_rad *= scale;
-                axle.damping_n_m_s_rad *= scale;
-            }
-        }
+        let axles = axles(vehicle, identified, tuning);
         let sum = |of: fn(&AxleRoll) -> f64| axles.iter().map(of).sum::<f64>();
         let guessed = |field: &str| usize::from(vehicle.is_guessed(field));
         Self {
@@ -300,4 +272,38 @@ impl Loads {
         .sum::<f64>()
         .sqrt()
     }
+}
+
+/// Both axles. The roll angle at 1 g that a drive showed replaces the sum of their stiffnesses:
+/// g m_s h_1/(K - m_s g h_1) is the identified roll gain less 1.
+fn axles(
+    vehicle: &Vehicle,
+    identified: Option<&Handling>,
+    tuning: &InertialForcesTuning,
+) -> [AxleRoll; 2] {
+    let mut axles = [&vehicle.front, &vehicle.rear].map(|axle| {
+        // Tyres are springs in series.
+        let tyres = 0.5 * axle.track_m.powi(2) * axle.tyre.vertical_stiffness_n_m;
+        let springs = axle.roll_stiffness_n_m_rad.max(1.0);
+        AxleRoll {
+            stiffness_n_m_rad: springs * tyres / (springs + tyres),
+            damping_n_m_s_rad: axle.roll_damping_n_m_s_rad,
+            centre_m: axle.roll_centre_height_m,
+            unsprung_kg: axle.unsprung_mass_kg(),
+            radius_m: axle.tyre.unloaded_radius_m,
+            track_m: axle.track_m,
+        }
+    });
+    let gain = identified.map(|handling| handling.roll_gain - 1.0);
+    if let Some(gain) = gain.filter(|gain| *gain > tuning.roll_gain_min) {
+        let arm_m = vehicle.roll_arm_m().max(0.01);
+        let moment = vehicle.sprung().mass_kg * STANDARD_GRAVITY_M_S2 * arm_m;
+        let whole: f64 = axles.iter().map(|axle| axle.stiffness_n_m_rad).sum();
+        let scale = moment * (1.0 + 1.0 / gain) / whole;
+        for axle in &mut axles {
+            axle.stiffness_n_m_rad *= scale;
+            axle.damping_n_m_s_rad *= scale;
+        }
+    }
+    axles
 }
