@@ -135,10 +135,11 @@ impl InertialForces {
         let ground = self.loads.tilt(input);
         let lateral_n = self.vehicle.body.mass_kg * ground[1] - input.hitch.y;
         let moment_n_m = moment_n_m - input.hitch[5];
-        let rough = self.axle_forces(lateral_n, moment_n_m, [0.0; 4]);
+        let rough = self.axle_forces(lateral_n, moment_n_m, [0.0; 4], input.speed_m_s);
         let loads = self.loads.loads(&ground, rough, &input.hitch);
         let along = self.longitudinal(input, ground[0], rough, &loads);
-        let axles_n = self.axle_forces(lateral_n, moment_n_m, along.map(|(force, _)| force));
+        let along_n = along.map(|(force, _)| force);
+        let axles_n = self.axle_forces(lateral_n, moment_n_m, along_n, input.speed_m_s);
         let across = self.lateral(input, axles_n, moment_sigma_n_m, &along, &loads);
         PerWheel::from_fn(|wheel| {
             let of = [along, across, loads].map(|all| all[wheel.index()]);
@@ -179,7 +180,13 @@ impl InertialForces {
     }
 
     /// Lateral force of each axle, vehicle axes, N.
-    fn axle_forces(&self, lateral_n: f64, moment_n_m: f64, along_n: [f64; 4]) -> [f64; 2] {
+    fn axle_forces(
+        &self,
+        lateral_n: f64,
+        moment_n_m: f64,
+        along_n: [f64; 4],
+        speed_m_s: f64,
+    ) -> [f64; 2] {
         let body = &self.vehicle.body;
         let turning: f64 = Wheel::ALL
             .into_iter()
@@ -188,7 +195,9 @@ impl InertialForces {
         let used = lateral_n.abs() / (self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2);
         let tyre = &self.vehicle.front.tyre;
         let sliding = (1.0 - used / tyre.friction.max(0.1)).clamp(0.0, 1.0);
-        let trail_m = self.tuning.trail_part * tyre.unloaded_radius_m * sliding;
+        // The force acts behind the middle of the contact, as seen in the direction of travel.
+        let behind = speed_m_s.clamp(-1.0, 1.0);
+        let trail_m = self.tuning.trail_part * tyre.unloaded_radius_m * sliding * behind;
         let moment = moment_n_m + turning;
         let front =
             (moment + (body.cg_to_rear_axle_m + trail_m) * lateral_n) / self.vehicle.wheelbase_m();
@@ -215,7 +224,7 @@ impl InertialForces {
             );
         let torque = |i: usize| self.of_torque(Wheel::ALL[i], input, loads[i].0);
         let measured: [Option<(f64, f64)>; 4] = std::array::from_fn(torque);
-        let parts = self.split(whole_n);
+        let parts = self.split(whole_n * input.speed_m_s);
         let open: f64 = (0..4)
             .filter(|i| measured[*i].is_none())
             .map(|i| parts[i])
@@ -247,9 +256,9 @@ impl InertialForces {
         })
     }
 
-    /// Part of each wheel of the longitudinal force of the vehicle.
-    fn split(&self, whole_n: f64) -> [f64; 4] {
-        let front = if whole_n > 0.0 {
+    /// Part of each wheel of the longitudinal force of the vehicle: `power_w` is positive where it is driven.
+    fn split(&self, power_w: f64) -> [f64; 4] {
+        let front = if power_w > 0.0 {
             self.handling.drive_split_front
         } else {
             self.handling.brake_split_front
@@ -314,7 +323,9 @@ impl InertialForces {
             );
             for (i, share) in [l, r].into_iter().zip(shares) {
                 let doubt = math::hypot(t.lateral_share * force_n, share * axle_sigma_n);
-                let constant = t.lateral_constant * self.vehicle.static_load_n(Wheel::ALL[i]);
+                // Left and right wheel push against each other where their angles differ from the true ones.
+                let turned = t.lateral_constant + t.lateral_steered * input.steer_rad[i].abs();
+                let constant = turned * self.vehicle.static_load_n(Wheel::ALL[i]);
                 forces[i] = (share * force_n, math::hypot(doubt, constant));
             }
         }

@@ -45,7 +45,7 @@ const REQUIRED: [&str; 14] = [
 const REQUIRED_OF_WHEEL: [&str; 5] = ["omega[rad/s]", "Fx[N]", "Fy[N]", "Fz[N]", "spring_len[m]"];
 
 /// Columns of the whole vehicle that are used where they are found.
-const OPTIONAL: [&str; 11] = [
+const OPTIONAL: [&str; 14] = [
     "X[m]",
     "Y[m]",
     "Z[m]",
@@ -57,6 +57,9 @@ const OPTIONAL: [&str; 11] = [
     "az_body[m/s2]",
     "bank_base[rad]",
     "grade_base[rad]",
+    "hitch_Fx[N]",
+    "hitch_Fy[N]",
+    "hitch_Fz[N]",
 ];
 
 /// Columns of each wheel that are used where they are found.
@@ -319,7 +322,9 @@ fn states(columns: &Columns) -> Vec<TruthState> {
                 bank_rad: known("bank_base[rad]", row).unwrap_or(0.0),
                 // The file's grade is positive uphill.
                 grade_rad: -known("grade_base[rad]", row).unwrap_or(0.0),
-                hitch_force_n: None,
+                hitch_force_n: (columns.contains_key("hitch_Fx[N]"))
+                    .then(|| three(row, ["hitch_Fx[N]", "hitch_Fy[N]", "hitch_Fz[N]"]))
+                    .filter(|force| force.iter().all(|axis| axis.is_finite())),
                 wheels: PerWheel::from_fn(|wheel| wheel_truth(wheel, |name| get(row, name))),
             };
             ground::tell(&mut state, |name| get(row, name));

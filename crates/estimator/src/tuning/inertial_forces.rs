@@ -42,6 +42,8 @@ tuning! {
         /// Standard deviation of a lateral force by toe-in, camber and an axle that a differential locks, as a part of
         /// the static load.
         lateral_constant: f64 = 0.05, "1";
+        /// The same by a steer angle whose part by Ackermann's geometry is unknown, for each rad.
+        lateral_steered: f64 = 0.4, "1/rad";
         /// Standard deviation of a longitudinal force by rolling resistance, toe-in and a differential, as a part of the
         /// static load.
         longitudinal_constant: f64 = 0.04, "1";
