@@ -380,3 +380,91 @@ pub fn net_torque(
         Some(or_none(drive[i]) - sign * or_none(brake[i]).abs())
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use model::sensors::Sensors;
+    use sample::STANDARD_GRAVITY_M_S2;
+
+    use super::*;
+    use crate::Calibration;
+
+    const SENSORS: &str = "thesis-10bit";
+
+    /// Forces of the built-in vehicle in a steady state.
+    fn steady(input: &InertialInput) -> (Vehicle, PerWheel<TyreForce>) {
+        let vehicle = Vehicle::builtin("prowler").unwrap();
+        let sensors = Sensors::builtin(SENSORS).unwrap();
+        let calibration = Resolved::new(&sensors, &Calibration::nominal(&vehicle.name)).unwrap();
+        let tuning = InertialForcesTuning::default();
+        let mut forces = InertialForces::new(&vehicle, &calibration, 0.001, &tuning);
+        let last = (0..500).map(|_| forces.step(input)).last().unwrap();
+        (vehicle, last)
+    }
+
+    fn standing() -> InertialInput {
+        InertialInput {
+            dt_s: 0.01,
+            force_m_s2: [0.0, 0.0, STANDARD_GRAVITY_M_S2],
+            forward_sigma_m_s2: 0.1,
+            rate_rad_s: [0.0; 3],
+            speed_m_s: 3.0,
+            steer_rad: [0.0; 4],
+            torque_n_m: PerWheel::default(),
+            wheel_speed_rad_s: PerWheel::default(),
+            hitch: Vector6::zeros(),
+        }
+    }
+
+    fn sum(forces: &PerWheel<TyreForce>, axis: usize) -> f64 {
+        forces.0.iter().map(|force| force.force_n[axis]).sum()
+    }
+
+    #[test]
+    fn a_load_on_the_hitch_is_carried_and_pulled_by_the_tyres() {
+        let (back_m, up_m) = (1.2, 0.4);
+        let mut input = standing();
+        let (vehicle, free) = steady(&input);
+        let body = &vehicle.body;
+        // 400 N backwards and 100 N down, behind and below the centre of gravity.
+        let arm = nalgebra::Vector3::new(-back_m, 0.0, up_m - body.cg_height_m);
+        let force = nalgebra::Vector3::new(-400.0, 0.0, -100.0);
+        let moment = arm.cross(&force);
+        input.hitch = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
+        let (_, towing) = steady(&input);
+        assert!((sum(&towing, 0) - 400.0).abs() < 1e-6);
+        assert!((sum(&towing, 2) - sum(&free, 2) - 100.0).abs() < 1e-6);
+        let rear_n = |forces: &PerWheel<TyreForce>| forces.0[2].force_n[2] + forces.0[3].force_n[2];
+        // Moments about the front contact.
+        let added =
+            (100.0 * (back_m + body.front_axle_to_cg_m) + 400.0 * up_m) / vehicle.wheelbase_m();
+        assert!((rear_n(&towing) - rear_n(&free) - added).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_steady_bend_moves_load_outward_and_lifts_no_wheel_below_zero() {
+        let mut input = standing();
+        for left in [3.0, 9.0] {
+            input.force_m_s2[1] = left;
+            let (vehicle, forces) = steady(&input);
+            let weight_n = vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2;
+            assert!((sum(&forces, 2) / weight_n - 1.0).abs() < 0.05, "{left}");
+            let [fl, fr, rl, rr] = [0, 1, 2, 3].map(|i| forces.0[i].force_n[2]);
+            assert!(
+                fr > fl && rr > rl && fl >= 0.0 && rl >= 0.0,
+                "{left}: {forces:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_brake_torque_acts_against_the_rotation_and_a_missing_one_is_none() {
+        let nan = f64::NAN;
+        let torques = [[100.0, nan, nan, nan], [40.0, 40.0, nan, nan]];
+        let forward = net_torque(&torques, 5.0, 0.2);
+        assert_eq!(forward.0, [Some(60.0), Some(-40.0), None, None]);
+        let backward = net_torque(&torques, -5.0, 0.2);
+        assert_eq!(backward.0, [Some(140.0), Some(40.0), None, None]);
+        assert_eq!(net_torque(&torques, 0.0, 0.2).0[1], Some(0.0));
+    }
+}
