@@ -240,8 +240,11 @@ impl Loads {
                 }
             }
         }
+        // A vehicle that tips over has both wheels of a side off the ground: the others carry its weight.
+        let whole: f64 = loads_n.iter().sum();
+        let carried: f64 = loads_n.iter().map(|load| load.max(0.0)).sum();
         for load in loads_n {
-            *load = load.max(0.0);
+            *load = load.max(0.0) * whole.max(0.0) / carried.max(1.0);
         }
     }
 
