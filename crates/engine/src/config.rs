@@ -30,7 +30,7 @@ pub use model::file::{Problem, TOML_MAX, closest};
 pub use output::{CanOutput, CanPort, Output, UdpOutput};
 pub use proposal::{Proposed, propose};
 pub(crate) use record::can_messages;
-pub use roles::{Role, RoleOf};
+pub use roles::{ControlValue, Role, RoleOf, StrainUnit, Travel, WheelRate, is_bending};
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
 pub use storage::{Limits, Storage};
 pub use trigger::{CanRule, Trigger};
@@ -174,6 +174,7 @@ impl Config {
         let vehicle = top.section("vehicle", &mut collector);
         let section = top.section("estimator", &mut collector);
         let estimator = estimator::read(section, vehicle, &mut files, &mut collector);
+        source::check_units(&sources, estimator.as_ref(), &mut collector);
         let section = top.section("output", &mut collector);
         let output = Output::read(section, &sources, &mut collector);
         let live = Live::read(top.section("live", &mut collector), &mut collector);

@@ -30,6 +30,7 @@ use crate::Result;
 use crate::config::{self, Config};
 use crate::scene::SceneMaker;
 pub use can::DM1;
+pub(crate) use can::{Scales, conversion};
 pub use counts::MessageCounts;
 use own::OwnFrames;
 pub use reception::Reception;

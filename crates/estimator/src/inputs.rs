@@ -1,7 +1,9 @@
 //! The last valid reading of each channel, with calibration applied.
 
 use nalgebra::Vector3;
-use sample::{CornerSample, HubAccelerationSample, LogTime, PerWheel, StrainChannel, Wheel};
+use sample::{
+    CornerSample, Counts, HubAccelerationSample, LogTime, PerWheel, StrainChannel, Wheel,
+};
 
 use crate::calibration::{Channel, CornerChannels, HubSensor, Resolved};
 use crate::grid::GRID_S;
@@ -22,12 +24,15 @@ struct Liveness {
     /// The last reading: counts, or the bits of a number.
     reading: u64,
     repeats: u32,
+    /// Repeats after which the channel is frozen; `None` if its noise allows many.
+    frozen_after: Option<u32>,
     reported: bool,
 }
 
 impl Liveness {
-    fn frozen(self, frozen_after: Option<u32>) -> bool {
-        frozen_after.is_some_and(|repeats| self.repeats >= repeats)
+    fn frozen(self) -> bool {
+        self.frozen_after
+            .is_some_and(|repeats| self.repeats >= repeats)
     }
 
     /// Takes a reading; whether the channel is alive.
@@ -38,12 +43,17 @@ impl Liveness {
             0
         };
         self.reading = reading;
-        !self.frozen(frozen_after)
+        self.frozen_after = frozen_after;
+        !self.frozen()
     }
 
     /// The channel's value; `None` while its counts are frozen.
-    fn take(&mut self, counts: i32, channel: &Channel) -> Option<f64> {
-        let alive = self.is_alive(bits_of(counts), channel.frozen_after);
+    fn take(&mut self, counts: Counts, channel: &Channel) -> Option<f64> {
+        let reading = match counts {
+            Counts::Converter(counts) => bits_of(counts),
+            Counts::Equivalent { counts, .. } => counts.to_bits(),
+        };
+        let alive = self.is_alive(reading, channel.frozen_after(counts));
         alive.then(|| channel.value(counts)).flatten()
     }
 
@@ -165,14 +175,14 @@ impl Readings {
             for (i, liveness) in self.liveness[wheel.index()].iter_mut().enumerate() {
                 let channel = corner.strain.get(i).unwrap_or(&corner.deflection);
                 let name = StrainChannel::ALL.get(i).map_or("deflection", |c| c.name());
-                let frozen = liveness.frozen(channel.frozen_after) && !channel.dead;
+                let frozen = liveness.frozen() && !channel.dead;
                 report(name, liveness.change(frozen));
             }
-            let Some(hub) = &calibration.hubs[wheel] else {
+            if calibration.hubs[wheel].is_none() {
                 continue;
-            };
+            }
             for (liveness, name) in self.hub_liveness[wheel].iter_mut().zip(HUB_CHANNELS) {
-                report(name, liveness.change(liveness.frozen(hub.frozen_after)));
+                report(name, liveness.change(liveness.frozen()));
             }
         }
     }

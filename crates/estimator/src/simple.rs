@@ -10,7 +10,9 @@
 
 use model::sensors::Sensors;
 use model::vehicle::{Strut, Vehicle};
-use sample::{Estimate, ForceSource, LogTime, Measurement, PerWheel, Sample, TyreForce, Wheel};
+use sample::{
+    Counts, Estimate, ForceSource, LogTime, Measurement, PerWheel, Sample, TyreForce, Wheel,
+};
 
 use crate::calibration::{Channel, Resolved};
 use crate::{Calibration, Estimator, EstimatorError, Method, Output, Settings};
@@ -121,7 +123,7 @@ impl DeflectionAlone {
         }
     }
 
-    fn take(&mut self, time: LogTime, counts: i32) {
+    fn take(&mut self, time: LogTime, counts: Counts) {
         let (Some((strut, ratio)), Some(compression_m)) = (&self.strut, self.channel.value(counts))
         else {
             return;
@@ -151,7 +153,7 @@ mod tests {
             offset_sigma: 0.0,
             gain: 1e-4,
             noise_sigma: 1e-4,
-            counts_max: 1023,
+            counts_max: 1023.0,
             frozen_after: None,
             dead: false,
         };
@@ -160,7 +162,7 @@ mod tests {
         let ratio = strut.motion_ratio.expect("a motion ratio");
         let at = |k: u32| LogTime(0).offset_seconds(f64::from(k) * 0.01);
         for k in 0..50 {
-            corner.take(at(k), 600);
+            corner.take(at(k), 600.into());
         }
         let spring_n = vehicle.static_load_n(Wheel::FrontLeft) + ratio * strut.stiffness_n_m * 0.01;
         assert!((corner.load_n - spring_n).abs() < 1.0, "{}", corner.load_n);

@@ -8,7 +8,8 @@ use std::cmp::Ordering;
 
 use nalgebra::Vector3;
 use sample::{
-    CornerSample, GnssAttitude, GnssVelocity, HubAccelerationSample, LogTime, PerWheel, SourceId,
+    CornerSample, Counts, GnssAttitude, GnssVelocity, HubAccelerationSample, LogTime, PerWheel,
+    SourceId,
 };
 
 /// Capacity; a step of 10 ms has about thirty samples.
@@ -91,7 +92,7 @@ impl Entry {
                     .strain_counts
                     .iter()
                     .chain([&corner.deflection_counts]);
-                digest(counts.map(|count| count.map_or(-1.0, f64::from)))
+                digest(counts.map(|count| count.map_or(-1.0, Counts::number)))
             }
             Held::SteeringWheel(angle) => angle.to_bits(),
             Held::HitchForce(force) => digest(*force),

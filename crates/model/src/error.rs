@@ -49,6 +49,12 @@ pub enum Error {
         /// The model that needs it.
         model: &'static str,
     },
+    /// The sensors file lacks a field that something needs.
+    #[error("the sensors file has no {field}, which this needs; add it")]
+    MissingField {
+        /// Dotted name of the missing field.
+        field: &'static str,
+    },
     /// A linkage cannot be built, or cannot take a position.
     #[error(transparent)]
     Suspension(#[from] SuspensionError),

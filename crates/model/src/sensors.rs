@@ -7,10 +7,11 @@ mod file;
 pub(crate) use file::SECTIONS;
 pub use file::SensorsErrors;
 
-use sample::Wheel;
+use sample::{Counts, Wheel};
 use serde::{Deserialize, Serialize};
 
-use crate::strain::{ABSENT_COUNT, ChannelScale};
+use crate::Error;
+use crate::strain::{ChannelScale, full_scale, largest_count};
 
 /// All sensors of a vehicle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,22 +90,41 @@ pub enum Bridge {
 pub struct StrainChain {
     /// Messages a second.
     pub rate_hz: f64,
-    /// Tube outer diameter, m.
-    pub tube_outer_diameter_m: f64,
-    /// Tube wall thickness, m.
-    pub tube_wall_m: f64,
-    /// Young's modulus, Pa.
-    pub youngs_modulus_pa: f64,
+    /// Tube outer diameter, m. A chain that is given by its calibration needs it for strain in um/m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tube_outer_diameter_m: Option<f64>,
+    /// Tube wall thickness, m. A chain that is given by its calibration needs it for strain in um/m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tube_wall_m: Option<f64>,
+    /// Young's modulus, Pa. A chain that is given by its calibration needs it for strain in um/m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub youngs_modulus_pa: Option<f64>,
     /// Poisson's ratio.
-    pub poisson_ratio: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub poisson_ratio: Option<f64>,
     /// Gauge factor GF.
-    pub gauge_factor: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gauge_factor: Option<f64>,
     /// Bridge excitation V_ex and converter span, V.
-    pub excitation_v: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub excitation_v: Option<f64>,
     /// Axial channels: wiring.
-    pub bridge: Bridge,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bridge: Option<Bridge>,
     /// Axial channels: gain resistor R_G of the amplifier, ohm.
-    pub gain_resistor_ohm: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain_resistor_ohm: Option<f64>,
+    /// Axial channels, in the place of gauges and amplifier: force of one count, N.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub n_per_count: Option<f64>,
+    /// Axial channels, in the place of gauges and amplifier: force for 1 mV/V of bridge output, N. A
+    /// count of the chain is then 0.001 mV/V.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub n_per_mv_v: Option<f64>,
+    /// Axial channels, in the place of gauges and amplifier: strain of the member for 1 mV/V of bridge
+    /// output, um/m. A count of the chain is then 0.001 mV/V.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub um_m_per_mv_v: Option<f64>,
     /// Instrumentation amplifier of all channels.
     #[serde(default)]
     pub amplifier: Amplifier,
@@ -113,12 +133,17 @@ pub struct StrainChain {
     pub bending: Option<BendingBridge>,
     /// First-order lag of the output filter, Hz.
     pub lag_hz: f64,
-    /// Converter resolution, bits over `excitation_v`.
+    /// Converter resolution, bits over `excitation_v`. The middle of the range is the count at no load.
+    #[serde(default = "sixteen")]
     pub adc_bits: u8,
     /// Standard deviation of the converter's noise, counts.
     pub noise_counts: f64,
     /// Largest offset left after the jackstand zero, counts (uniform within plus and minus).
     pub zero_error_counts: f64,
+}
+
+const fn sixteen() -> u8 {
+    16
 }
 
 /// An instrumentation amplifier whose gain one resistor sets: G = G_0 + R_0/R_G.
@@ -147,9 +172,20 @@ impl Default for Amplifier {
 #[serde(deny_unknown_fields)]
 pub struct BendingBridge {
     /// Wiring.
-    pub bridge: Bridge,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bridge: Option<Bridge>,
     /// Gain resistor R_G, ohm.
-    pub gain_resistor_ohm: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain_resistor_ohm: Option<f64>,
+    /// In the place of gauges and amplifier: bending moment of one count, N m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub n_m_per_count: Option<f64>,
+    /// In the place of gauges and amplifier: bending moment for 1 mV/V of bridge output, N m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub n_m_per_mv_v: Option<f64>,
+    /// In the place of gauges and amplifier: bending strain for 1 mV/V of bridge output, um/m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub um_m_per_mv_v: Option<f64>,
     /// Distance inboard of the ball joint, m.
     pub distance_from_ball_joint_m: f64,
 }
@@ -170,27 +206,46 @@ pub struct Potentiometers {
     pub noise_counts: f64,
     /// Largest offset left after the zero was found, counts.
     pub zero_error_counts: f64,
+    /// Voltage over the whole range, V; a signal in V needs it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub excitation_v: Option<f64>,
 }
 
 impl Potentiometers {
     /// The chain from travel to counts.
     #[must_use]
     pub fn scale(&self) -> ChannelScale {
-        let counts = 1_u32 << self.adc_bits.min(16);
+        let counts = full_scale(self.adc_bits);
         ChannelScale {
-            zero_counts: f64::from(counts) / 2.0,
-            counts_per_unit: f64::from(counts) / self.span_m,
-            largest_count: ((counts - 1) as u16).min(ABSENT_COUNT - 1),
+            zero_counts: counts / 2.0,
+            counts_per_unit: counts / self.span_m,
+            largest_count: largest_count(counts),
         }
     }
 
-    /// Travel of a count from the middle of the range, m; `None` where the converter is at an end of its
-    /// range.
+    /// Counts of 1 V of a potentiometer.
+    ///
+    /// # Errors
+    /// When the sensors file does not have the voltage over the range.
+    pub fn counts_per_volt(&self) -> Result<f64, Error> {
+        let excitation_v = self.excitation_v.ok_or(Error::MissingField {
+            field: "excitation_v of these potentiometers",
+        })?;
+        Ok(full_scale(self.adc_bits) / excitation_v)
+    }
+
+    /// Travel of a reading from the middle of the range, m; `None` where the converter is at an end of
+    /// its range.
     #[must_use]
-    pub fn travel_m(&self, count: i32) -> Option<f64> {
+    pub fn travel_m(&self, counts: impl Into<Counts>) -> Option<f64> {
         let scale = self.scale();
-        (count > 0 && count < i32::from(scale.largest_count))
-            .then(|| (f64::from(count) - scale.zero_counts) / scale.counts_per_unit)
+        let counts = counts.into();
+        let number = counts.number();
+        let is_within = match counts {
+            Counts::Converter(_) => number > 0.0 && number < scale.largest_count,
+            Counts::Equivalent { .. } => true,
+        };
+        is_within.then(|| (number - scale.zero_counts) / scale.counts_per_unit)
     }
 }
 
@@ -322,7 +377,7 @@ impl HubAcceleration {
         ChannelScale {
             zero_counts: counts / 2.0,
             counts_per_unit: counts / (2.0 * self.range_m_s2),
-            largest_count: ((counts - 1.0) as u16).min(ABSENT_COUNT - 1),
+            largest_count: largest_count(counts),
         }
     }
 
@@ -330,7 +385,7 @@ impl HubAcceleration {
     #[must_use]
     pub fn specific_force_m_s2(&self, count: i32) -> Option<f64> {
         let scale = self.scale();
-        (count > 0 && count < i32::from(scale.largest_count))
+        (count > 0 && f64::from(count) < scale.largest_count)
             .then(|| (f64::from(count) - scale.zero_counts) / scale.counts_per_unit)
     }
 

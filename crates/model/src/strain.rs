@@ -83,6 +83,41 @@ pub fn exact_output(gauge_factor: f64, arms: [f64; 4]) -> f64 {
     (r1 * r3 - r2 * r4) / ((r1 + r2) * (r3 + r4))
 }
 
+/// Output of a bridge over its excitation for one count of a chain that is given by its calibration per
+/// mV/V: 0.001 mV/V.
+const BRIDGE_RATIO_PER_COUNT: f64 = 1e-6;
+
+/// Number of counts of a converter.
+#[must_use]
+pub fn full_scale(adc_bits: u8) -> f64 {
+    math::exp2(f64::from(adc_bits.min(32)))
+}
+
+/// Largest count of a converter with this number of counts. The largest value of a field of 16 bits means
+/// that there is no count.
+#[must_use]
+pub fn largest_count(full_scale: f64) -> f64 {
+    let last = full_scale - 1.0;
+    if last == f64::from(ABSENT_COUNT) {
+        last - 1.0
+    } else {
+        last
+    }
+}
+
+/// What a strain signal that is not in counts stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StrainSignal {
+    /// Load of the member: force, N, or bending moment, N m.
+    Load,
+    /// Strain of the member, m/m.
+    Strain,
+    /// Output of the bridge over its excitation, V/V.
+    BridgeRatio,
+    /// Output of the amplifier, V.
+    Voltage,
+}
+
 /// One channel without its filter: counts = zero + gain * load. Loads are newtons of tension on an
 /// axial channel, newton metres of bending on a bending one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,7 +127,7 @@ pub struct ChannelScale {
     /// Counts for one unit of load.
     pub counts_per_unit: f64,
     /// Largest count that the converter gives.
-    pub largest_count: u16,
+    pub largest_count: f64,
 }
 
 impl ChannelScale {
@@ -106,9 +141,7 @@ impl ChannelScale {
     #[must_use]
     pub fn convert(&self, level_counts: f64) -> u16 {
         // `as` saturates, and takes NaN to 0.
-        level_counts
-            .round()
-            .clamp(0.0, f64::from(self.largest_count)) as u16
+        level_counts.round().clamp(0.0, self.largest_count) as u16
     }
 
     /// The load that a count stands for by this scale.
@@ -126,7 +159,7 @@ impl ChannelScale {
     /// Smallest and largest load within the converter's range.
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
-        let ends = [self.load(0.0), self.load(f64::from(self.largest_count))];
+        let ends = [self.load(0.0), self.load(self.largest_count)];
         if ends[0] <= ends[1] {
             ends
         } else {
@@ -137,7 +170,7 @@ impl ChannelScale {
     /// Whether a count is at either end of the range, so that the load may lie beyond.
     #[must_use]
     pub fn saturated(&self, counts: u16) -> bool {
-        counts == 0 || counts >= self.largest_count
+        counts == 0 || f64::from(counts) >= self.largest_count
     }
 
     /// This scale with what a calibration found: the counts at no load, and the true load over the
@@ -154,31 +187,45 @@ impl ChannelScale {
 
 impl StrainChain {
     /// Section of the tubes.
-    #[must_use]
-    pub fn section(&self) -> Section {
-        Section::Tube {
-            outer_diameter_m: self.tube_outer_diameter_m,
-            wall_m: self.tube_wall_m,
-        }
+    ///
+    /// # Errors
+    /// When the sensors file does not have it.
+    pub fn section(&self) -> Result<Section, Error> {
+        Ok(Section::Tube {
+            outer_diameter_m: needed("strain.tube_outer_diameter_m", self.tube_outer_diameter_m)?,
+            wall_m: needed("strain.tube_wall_m", self.tube_wall_m)?,
+        })
+    }
+
+    /// Load of a unit of strain: E A of an axial channel, N, E W of a bending channel, N m.
+    fn stiffness(&self, bends: bool) -> Result<f64, Error> {
+        let section = self.section()?;
+        let modulus_pa = needed("strain.youngs_modulus_pa", self.youngs_modulus_pa)?;
+        Ok(if bends {
+            modulus_pa * section.section_modulus_m3()
+        } else {
+            modulus_pa * section.area_m2()
+        })
     }
 
     /// Scale of an axial channel, N.
     ///
     /// # Errors
-    /// When the wiring does not react to axial strain, or a value of the chain is out of range.
+    /// When the wiring does not react to axial strain, or a value of the chain is absent or out of range.
     pub fn axial_scale(&self) -> Result<ChannelScale, Error> {
-        let stiffness = self.youngs_modulus_pa * self.section().area_m2();
-        let ratio = self
-            .bridge
-            .axial_gain(self.gauge_factor, self.poisson_ratio)
-            / stiffness;
+        if let Some(load) = self.given().load_per_count(|| self.stiffness(false))? {
+            return self.scale_of(1.0 / load, "counts a newton");
+        }
+        let bridge = needed("strain.bridge", self.bridge)?;
+        let (gauge_factor, poisson_ratio) = self.gauge()?;
+        let ratio = bridge.axial_gain(gauge_factor, poisson_ratio) / self.stiffness(false)?;
         self.scale(self.gain_resistor_ohm, ratio, "counts a newton")
     }
 
     /// Scale of a bending channel, N m; `None` without bending bridges.
     ///
     /// # Errors
-    /// When the wiring does not react to bending, or a value of the chain is out of range.
+    /// When the wiring does not react to bending, or a value of the chain is absent or out of range.
     pub fn bending_scale(&self) -> Result<Option<ChannelScale>, Error> {
         let Some(bending) = &self.bending else {
             return Ok(None);
@@ -187,42 +234,89 @@ impl StrainChain {
     }
 
     fn bending_scale_of(&self, bending: &BendingBridge) -> Result<ChannelScale, Error> {
-        let stiffness = self.youngs_modulus_pa * self.section().section_modulus_m3();
-        let ratio = bending
-            .bridge
-            .bending_gain(self.gauge_factor, self.poisson_ratio)
-            / stiffness;
+        if let Some(load) = bending.given().load_per_count(|| self.stiffness(true))? {
+            return self.scale_of(1.0 / load, "counts a newton metre");
+        }
+        let bridge = needed("strain.bending.bridge", bending.bridge)?;
+        let (gauge_factor, poisson_ratio) = self.gauge()?;
+        let ratio = bridge.bending_gain(gauge_factor, poisson_ratio) / self.stiffness(true)?;
         self.scale(bending.gain_resistor_ohm, ratio, "counts a newton metre")
+    }
+
+    fn gauge(&self) -> Result<(f64, f64), Error> {
+        Ok((
+            needed("strain.gauge_factor", self.gauge_factor)?,
+            needed("strain.poisson_ratio", self.poisson_ratio)?,
+        ))
     }
 
     /// Excitation and converter span are one voltage, which therefore cancels.
     fn scale(
         &self,
-        gain_resistor_ohm: f64,
+        gain_resistor_ohm: Option<f64>,
         output_per_unit: f64,
         name: &'static str,
     ) -> Result<ChannelScale, Error> {
+        let gain_resistor_ohm = needed("strain.gain_resistor_ohm", gain_resistor_ohm)?;
+        let gain = self.amplifier.gain(gain_resistor_ohm);
+        self.scale_of(output_per_unit * gain * full_scale(self.adc_bits), name)
+    }
+
+    fn scale_of(&self, counts_per_unit: f64, name: &'static str) -> Result<ChannelScale, Error> {
         let bits = self.adc_bits;
         require(
-            (1..=16).contains(&bits),
+            (1..=32).contains(&bits),
             "adc_bits",
             f64::from(bits),
             "bit",
-            "1 to 16",
+            "1 to 32",
         )?;
-        let full_scale = f64::from(1_u32 << bits);
-        let counts_per_unit = output_per_unit * self.amplifier.gain(gain_resistor_ohm) * full_scale;
         require(
             counts_per_unit != 0.0,
             name,
             counts_per_unit,
             "count",
-            "finite and not zero; check section, modulus, gain resistor and wiring",
+            "finite and not zero; check section, modulus, gain resistor and wiring, or the calibration",
         )?;
+        let full_scale = full_scale(bits);
         Ok(ChannelScale {
             zero_counts: full_scale / 2.0,
             counts_per_unit,
-            largest_count: (((1_u32 << bits) - 1) as u16).min(ABSENT_COUNT - 1),
+            largest_count: largest_count(full_scale),
+        })
+    }
+
+    /// Counts of one SI unit of a signal that is not in counts, of a bending or an axial channel. The
+    /// counts at no load are those of the scale.
+    ///
+    /// # Errors
+    /// When the sensors file has not what the signal needs; the error names the field.
+    pub fn counts_per_unit(&self, signal: StrainSignal, bends: bool) -> Result<f64, Error> {
+        let scale = match bends {
+            true => self.bending_scale()?,
+            false => Some(self.axial_scale()?),
+        };
+        let scale = needed("strain.bending", scale)?;
+        let bending = self.bending.as_ref().filter(|_| bends);
+        let given_per_mv_v = match bending {
+            Some(bending) => bending.n_m_per_mv_v.or(bending.um_m_per_mv_v),
+            None => self.n_per_mv_v.or(self.um_m_per_mv_v),
+        };
+        let gain_resistor_ohm = match bending {
+            Some(bending) => bending.gain_resistor_ohm,
+            None => self.gain_resistor_ohm,
+        };
+        Ok(match signal {
+            StrainSignal::Load => scale.counts_per_unit,
+            StrainSignal::Strain => scale.counts_per_unit * self.stiffness(bends)?,
+            StrainSignal::BridgeRatio if given_per_mv_v.is_some() => BRIDGE_RATIO_PER_COUNT.recip(),
+            StrainSignal::BridgeRatio => {
+                let resistor_ohm = needed("strain.gain_resistor_ohm", gain_resistor_ohm)?;
+                self.amplifier.gain(resistor_ohm) * full_scale(self.adc_bits)
+            }
+            StrainSignal::Voltage => {
+                full_scale(self.adc_bits) / needed("strain.excitation_v", self.excitation_v)?
+            }
         })
     }
 
@@ -236,6 +330,67 @@ impl StrainChain {
     }
 }
 
+/// A channel that is given by its calibration, in the place of gauges and amplifier.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Given {
+    /// Load of one count.
+    pub per_count: Option<f64>,
+    /// Load for 1 mV/V.
+    pub per_mv_v: Option<f64>,
+    /// Strain for 1 mV/V, um/m.
+    pub um_m_per_mv_v: Option<f64>,
+}
+
+impl Given {
+    /// Load of one count; `None` if the channel is given by gauges and amplifier.
+    fn load_per_count(
+        self,
+        stiffness: impl Fn() -> Result<f64, Error>,
+    ) -> Result<Option<f64>, Error> {
+        let mv_v_per_count = 1e3 * BRIDGE_RATIO_PER_COUNT;
+        Ok(match self {
+            Self {
+                per_count: Some(load),
+                ..
+            } => Some(load),
+            Self {
+                per_mv_v: Some(load),
+                ..
+            } => Some(load * mv_v_per_count),
+            Self {
+                um_m_per_mv_v: Some(strain),
+                ..
+            } => Some(1e-6 * strain * stiffness()? * mv_v_per_count),
+            _ => None,
+        })
+    }
+}
+
+impl StrainChain {
+    pub(crate) const fn given(&self) -> Given {
+        Given {
+            per_count: self.n_per_count,
+            per_mv_v: self.n_per_mv_v,
+            um_m_per_mv_v: self.um_m_per_mv_v,
+        }
+    }
+}
+
+impl BendingBridge {
+    pub(crate) const fn given(&self) -> Given {
+        Given {
+            per_count: self.n_m_per_count,
+            per_mv_v: self.n_m_per_mv_v,
+            um_m_per_mv_v: self.um_m_per_mv_v,
+        }
+    }
+}
+
+/// A field of the sensors file that something needs.
+fn needed<T>(field: &'static str, value: Option<T>) -> Result<T, Error> {
+    value.ok_or(Error::MissingField { field })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,18 +399,24 @@ mod tests {
     fn chain(bridge: Bridge, gain_resistor_ohm: f64, adc_bits: u8) -> StrainChain {
         StrainChain {
             rate_hz: 100.0,
-            tube_outer_diameter_m: 0.0254,
-            tube_wall_m: 0.00165,
-            youngs_modulus_pa: MATERIALS[3].youngs_modulus_pa,
-            poisson_ratio: MATERIALS[3].poisson_ratio,
-            gauge_factor: 2.1,
-            excitation_v: 5.0,
-            bridge,
-            gain_resistor_ohm,
+            tube_outer_diameter_m: Some(0.0254),
+            tube_wall_m: Some(0.00165),
+            youngs_modulus_pa: Some(MATERIALS[3].youngs_modulus_pa),
+            poisson_ratio: Some(MATERIALS[3].poisson_ratio),
+            gauge_factor: Some(2.1),
+            excitation_v: Some(5.0),
+            bridge: Some(bridge),
+            gain_resistor_ohm: Some(gain_resistor_ohm),
+            n_per_count: None,
+            n_per_mv_v: None,
+            um_m_per_mv_v: None,
             amplifier: Amplifier::default(),
             bending: Some(BendingBridge {
-                bridge: Bridge::FullBending,
-                gain_resistor_ohm: 680.0,
+                bridge: Some(Bridge::FullBending),
+                gain_resistor_ohm: Some(680.0),
+                n_m_per_count: None,
+                n_m_per_mv_v: None,
+                um_m_per_mv_v: None,
                 distance_from_ball_joint_m: 0.1,
             }),
             lag_hz: 19.9,
@@ -306,7 +467,7 @@ mod tests {
             );
         }
         let one = chain(Bridge::Quarter, 350.0, 10);
-        let stiffness = one.youngs_modulus_pa * one.section().area_m2();
+        let stiffness = one.stiffness(false).expect("sound");
         assert!((stiffness - 23.4e6).abs() < 0.05e6);
         let microstrain = one.axial_scale().expect("sound").load_per_count() / stiffness * 1e6;
         assert!((microstrain - 7.96).abs() < 0.01, "{microstrain}");
@@ -338,7 +499,7 @@ mod tests {
         assert!((Bridge::HalfPoisson.axial_gain(gf, nu) - 1.28 * gf / 4.0).abs() < 1e-12);
         let error = chain(Bridge::HalfBending, 100.0, 10).axial_scale();
         assert!(error.is_err(), "a bending half bridge reads no axial force");
-        assert!(chain(Bridge::Quarter, 100.0, 17).axial_scale().is_err());
+        assert!(chain(Bridge::Quarter, 100.0, 33).axial_scale().is_err());
         assert!(chain(Bridge::Quarter, 0.0, 10).axial_scale().is_err());
     }
 
@@ -351,6 +512,82 @@ mod tests {
         assert_eq!(scale.convert(-1e12), 0);
         assert_eq!(scale.convert(f64::NAN), 0);
         assert!(scale.saturated(0xFFFE) && scale.saturated(0) && !scale.saturated(512));
+    }
+
+    /// A signal in each unit, of gauges that a member's force strains, is the force in counts.
+    #[test]
+    fn a_force_in_each_unit_has_the_counts_of_the_force() {
+        let gauges = chain(Bridge::FullPoisson, 100.0, 16);
+        let (force_n, stiffness_n) = (4000.0, gauges.stiffness(false).expect("sound"));
+        let strain = force_n / stiffness_n;
+        let ratio = Bridge::FullPoisson.axial_gain(2.1, 0.28) * strain;
+        let volts = 5.0 * 805.0 * ratio;
+        let scale = gauges.axial_scale().expect("sound");
+        let expected = scale.level(force_n) - scale.zero_counts;
+        for (signal, value) in [
+            (StrainSignal::Load, force_n),
+            (StrainSignal::Strain, strain),
+            (StrainSignal::BridgeRatio, ratio),
+            (StrainSignal::Voltage, volts),
+        ] {
+            let counts = value * gauges.counts_per_unit(signal, false).expect("sound");
+            assert!(
+                (counts / expected - 1.0).abs() < 1e-12,
+                "{signal:?} {counts}"
+            );
+        }
+        let moment = gauges.counts_per_unit(StrainSignal::Load, true);
+        let scale = gauges.bending_scale().expect("sound").expect("given");
+        assert_eq!(moment.expect("sound"), scale.counts_per_unit);
+    }
+
+    #[test]
+    fn a_chain_is_given_by_its_calibration() {
+        let gauges = chain(Bridge::HalfAxial, 100.0, 16);
+        let ratio_per_strain = Bridge::HalfAxial.axial_gain(2.1, 0.28);
+        let stiffness_n = gauges.stiffness(false).expect("sound");
+        let um_m_per_mv_v = 1e-3 / ratio_per_strain * 1e6;
+        let n_per_mv_v = 1e-3 / ratio_per_strain * stiffness_n;
+        let none = StrainChain {
+            bridge: None,
+            gauge_factor: None,
+            poisson_ratio: None,
+            excitation_v: None,
+            gain_resistor_ohm: None,
+            bending: None,
+            ..gauges
+        };
+        let missing = none
+            .axial_scale()
+            .expect_err("nothing is given")
+            .to_string();
+        assert!(missing.contains("strain.bridge"), "{missing}");
+        let given = |n_per_count, n_per_mv_v, um_m_per_mv_v| StrainChain {
+            n_per_count,
+            n_per_mv_v,
+            um_m_per_mv_v,
+            ..none.clone()
+        };
+        let load = |chain: &StrainChain, counts: f64| {
+            let scale = chain.axial_scale().expect("sound");
+            scale.load(scale.zero_counts + counts)
+        };
+        assert_eq!(load(&given(Some(-2.5), None, None), 100.0), -250.0);
+        for chain in [
+            given(None, Some(n_per_mv_v), None),
+            given(None, None, Some(um_m_per_mv_v)),
+        ] {
+            // 0.2 mV/V.
+            let counts = 2e-4
+                * chain
+                    .counts_per_unit(StrainSignal::BridgeRatio, false)
+                    .expect("sound");
+            assert!((counts - 200.0).abs() < 1e-9, "{counts}");
+            assert!((load(&chain, counts) - 0.2 * n_per_mv_v).abs() < 1e-6);
+            let volts = chain.counts_per_unit(StrainSignal::Voltage, false);
+            let told = volts.expect_err("no excitation").to_string();
+            assert!(told.contains("strain.excitation_v"), "{told}");
+        }
     }
 
     proptest! {

@@ -34,9 +34,9 @@ pub use estimate::{
 };
 pub use innovation::{InnovationKind, Innovations};
 pub use measurement::{
-    Attitude, ControlSample, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition,
-    GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, Measurement, Sample, Signal,
-    SignalFrame, SteerSample, StrainChannel, WheelSpeedSample,
+    Attitude, ControlSample, CornerSample, Counts, DeviceTime, FixQuality, GnssAttitude,
+    GnssPosition, GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, Measurement,
+    Sample, Signal, SignalFrame, SteerSample, StrainChannel, WheelSpeedSample,
 };
 pub use road::{Road, RoadPlane, RoadRoughness, RoadUnknown, road_class};
 pub use stamp::{LogTime, NANOS_PER_SECOND};

@@ -251,15 +251,46 @@ impl StrainChannel {
     }
 }
 
-/// Converter counts of one corner, up to 32 bits; absent members were not in the message.
+/// A reading of a channel in counts of the chain that the sensors file describes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Counts {
+    /// A count of the converter, as sent.
+    Converter(i32),
+    /// A value that was sent in another unit, converted to counts. It has no limits of a converter.
+    Equivalent {
+        /// Counts, not whole.
+        counts: f64,
+        /// Counts of one step of the value as sent; 0 for a floating-point number.
+        step: f64,
+    },
+}
+
+impl Counts {
+    /// The counts as a number.
+    #[must_use]
+    pub fn number(self) -> f64 {
+        match self {
+            Self::Converter(counts) => f64::from(counts),
+            Self::Equivalent { counts, .. } => counts,
+        }
+    }
+}
+
+impl From<i32> for Counts {
+    fn from(counts: i32) -> Self {
+        Self::Converter(counts)
+    }
+}
+
+/// Counts of one corner; absent members were not in the message.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CornerSample {
     /// Which corner.
     pub wheel: Wheel,
     /// Strain counts, in the order of [`StrainChannel::ALL`].
-    pub strain_counts: [Option<i32>; StrainChannel::COUNT],
+    pub strain_counts: [Option<Counts>; StrainChannel::COUNT],
     /// Spring potentiometer counts.
-    pub deflection_counts: Option<i32>,
+    pub deflection_counts: Option<Counts>,
 }
 
 /// Specific force on the upright of one wheel, along the axes of its hub accelerometer.

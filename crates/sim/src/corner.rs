@@ -14,6 +14,9 @@ use crate::{Motion, Options, SimError, TruthState};
 /// where they are wired for bending by mistake.
 const BENDING_WIRED_DISTANCE_M: f64 = 0.10;
 
+/// Most bits of a converter: the frames of the bus have fields of 16 bits.
+const SENT_BITS: u8 = 16;
+
 /// The sensors of one corner.
 pub(crate) struct Corner {
     wheel: Wheel,
@@ -53,6 +56,13 @@ impl Corner {
         seed: u64,
     ) -> Result<Self, SimError> {
         let axle = vehicle.axle(wheel);
+        if sensors.strain.adc_bits > SENT_BITS {
+            return Err(SimError::BadParameter {
+                name: "strain.adc_bits".to_owned(),
+                value: f64::from(sensors.strain.adc_bits),
+                expected: "at most 16, because the bus of the virtual vehicle has fields of 16 bits",
+            });
+        }
         let mut noise = Noise::new(seed, &format!("corner {wheel}"));
         let pot_offset_counts = noise.within(sensors.deflection.zero_error_counts)
             + hidden.potentiometer_offset_counts[wheel];
@@ -234,7 +244,7 @@ pub(crate) fn potentiometer_scale(
         value,
         expected,
     };
-    if !(1..=16).contains(&pots.adc_bits) {
+    if !(1..=SENT_BITS).contains(&pots.adc_bits) {
         return Err(bad("adc_bits", f64::from(pots.adc_bits), "1 to 16"));
     }
     if pots.span_m > 0.0 {
@@ -248,16 +258,20 @@ pub(crate) fn potentiometer_scale(
 /// 5.2.1: counts a newton metre of bending.
 fn bending_wired_scale(chain: &StrainChain) -> Result<ChannelScale, SimError> {
     let bending = Some(BendingBridge {
-        bridge: Bridge::HalfBending,
+        bridge: Some(Bridge::HalfBending),
         gain_resistor_ohm: chain.gain_resistor_ohm,
+        n_m_per_count: None,
+        n_m_per_mv_v: None,
+        um_m_per_mv_v: None,
         distance_from_ball_joint_m: BENDING_WIRED_DISTANCE_M,
     });
     let chain = StrainChain {
         bending,
         ..chain.clone()
     };
-    Ok(match chain.bending_scale()? {
-        Some(scale) => scale,
-        None => chain.axial_scale()?,
+    // A chain that is given by its calibration has no wiring.
+    Ok(match chain.bending_scale() {
+        Ok(Some(scale)) => scale,
+        _ => chain.axial_scale()?,
     })
 }

@@ -116,6 +116,7 @@ fn deflection(data: &[u8]) -> Result<pb::Deflection, DecodeError> {
         deflection_m: None,
         raw_counts: i32::try_from(counts).ok(),
         valid: true,
+        ..Default::default()
     });
     Ok(message)
 }
@@ -140,6 +141,7 @@ fn strain(data: &[u8]) -> Result<pb::Strain, DecodeError> {
                 strain: None,
                 raw_counts: Some(i32::try_from(counts?).ok()?),
                 valid: true,
+                ..Default::default()
             })
         });
         pb::WheelStrain {

@@ -14,7 +14,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use sample::{
-    CornerSample, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime, Measurement,
+    CornerSample, Counts, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime, Measurement,
     PerWheel, Sample, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
 };
 
@@ -165,8 +165,8 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
                 time_s,
                 Measurement::Corner(CornerSample {
                     wheel,
-                    strain_counts,
-                    deflection_counts,
+                    strain_counts: strain_counts.map(|counts| counts.map(Counts::Converter)),
+                    deflection_counts: deflection_counts.map(Counts::Converter),
                 }),
             );
         }

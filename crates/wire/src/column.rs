@@ -6,8 +6,8 @@ mod row;
 
 use crate::WireError;
 
-pub use quantity::{Dimension, Quantity, Truth};
-pub use row::measurements;
+pub use quantity::{Quantity, Truth};
+pub use row::{measurements, of_values};
 
 /// One column: value = (number * scale + offset) * factor.
 #[derive(Clone, Debug, PartialEq)]

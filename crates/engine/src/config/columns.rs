@@ -4,7 +4,8 @@ mod times;
 
 use sample::NANOS_PER_SECOND;
 use toml::de::DeValue;
-use wire::column::{Column, Dimension, Quantity};
+use wire::column::{Column, Quantity};
+use wire::unit::Dimension;
 use wire::{alog, csv};
 
 use model::file::{ErrorCollector, Field, FromValue, Problem, Section, closest};

@@ -1,33 +1,130 @@
 //! Roles of DBC signals as measurements: `[source.<name>.roles]`.
 
-use sample::{HubAccelerationSample, STANDARD_GRAVITY_M_S2, Side, StrainChannel, Wheel};
-use wire::dbc::{Database, SignalDef};
+mod finder;
 
-use model::file::{ErrorCollector, Field, Section, closest};
+use model::file::{ErrorCollector, Section};
+use model::strain::StrainSignal;
+use sample::{ControlSample, HubAccelerationSample, Side, StrainChannel, Wheel};
+use wire::column::Quantity;
+use wire::dbc::Database;
+use wire::unit::Dimension;
 
-/// Role of a signal for the estimator.
+use finder::{Finder, Wanted};
+
+/// Role of a signal. Factors take the unit of the signal to SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {
-    /// Steering-wheel angle; the factor converts the signal's unit to rad.
+    /// Steering-wheel angle, rad.
     Steer(f64),
-    /// Travel of a potentiometer along a front tie rod, left positive; the factor converts the
-    /// signal's unit to m, absent for counts.
-    SteerRod(Side, Option<f64>),
-    /// Angular speed of a wheel; the factor converts the signal's unit to rad/s.
-    WheelSpeed(Wheel, f64),
-    /// Counts of a spring potentiometer.
-    Deflection(Wheel),
-    /// Counts of a strain channel.
-    Strain(Wheel, StrainChannel),
-    /// Axis of a hub accelerometer, 0 to 2; the factor converts the signal's unit to m/s^2, absent
-    /// for counts.
+    /// Travel of a potentiometer along a front tie rod, left positive.
+    SteerRod(Side, Travel),
+    /// Travel of the steering rack, left positive, m.
+    Rack(f64),
+    /// Speed of a wheel.
+    WheelSpeed(Wheel, WheelRate),
+    /// Compression of a strut.
+    Deflection(Wheel, Travel),
+    /// A strain channel.
+    Strain(Wheel, StrainChannel, StrainUnit),
+    /// Axis of a hub accelerometer, 0 to 2, m/s^2; absent for counts.
     HubAcceleration(Wheel, usize, Option<f64>),
-    /// Axis of the force of a load on the hitch, 0 to 2; the factor converts the signal's unit to N.
-    HitchForce(usize, f64),
+    /// A part of a measurement of the inertial unit, of a receiver or of the speed over ground.
+    Quantity(Quantity, f64),
+    /// Whether the receiver has a solution: not 0.
+    Fix,
+    /// A value that is recorded under its name.
+    Control(ControlValue, f64),
+}
+
+/// Unit of a travel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Travel {
+    /// Converter counts.
+    Counts,
+    /// Voltage of a potentiometer, V.
+    Voltage(f64),
+    /// m.
+    Length(f64),
+}
+
+/// Unit of a strain channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StrainUnit {
+    /// Converter counts.
+    Counts,
+    /// Another unit.
+    Of(StrainSignal, f64),
+}
+
+/// Unit of a wheel speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WheelRate {
+    /// rad/s.
+    Angular(f64),
+    /// m/s of the freely rolling tyre.
+    Rolling(f64),
+}
+
+/// A value of `/control/<source>`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ControlValue {
+    /// Axis of the force of a load on the hitch, 0 to 2.
+    HitchForce(usize),
+    /// Drive torque of a wheel.
+    DriveTorque(Wheel),
+    /// Brake torque of a wheel.
+    BrakeTorque(Wheel),
+    /// Pressure of a wheel's brake.
+    BrakePressure(Wheel),
+    /// Temperature of the bridges of a corner.
+    BridgeTemperature(Wheel),
+    /// Position of the throttle or of its pedal.
+    Throttle,
+    /// Torque of the engine.
+    EngineTorque,
+}
+
+impl ControlValue {
+    /// Name in the log.
+    #[must_use]
+    pub fn name(self) -> String {
+        let of = |kind: &str, wheel: Wheel| format!("{kind}_{}", wheel.abbreviation());
+        match self {
+            Self::HitchForce(axis) => ControlSample::HITCH_FORCE[axis].to_owned(),
+            Self::DriveTorque(wheel) => of("drive_torque", wheel),
+            Self::BrakeTorque(wheel) => of("brake_torque", wheel),
+            Self::BrakePressure(wheel) => of("brake_pressure", wheel),
+            Self::BridgeTemperature(wheel) => of("bridge_temperature", wheel),
+            Self::Throttle => "throttle".to_owned(),
+            Self::EngineTorque => "engine_torque".to_owned(),
+        }
+    }
+
+    /// Unit in the log.
+    #[must_use]
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::HitchForce(_) => "N",
+            Self::DriveTorque(_) | Self::BrakeTorque(_) | Self::EngineTorque => "N m",
+            Self::BrakePressure(_) => "Pa",
+            Self::BridgeTemperature(_) => "degC",
+            Self::Throttle => "1",
+        }
+    }
+
+    const fn dimension(self) -> Dimension {
+        match self {
+            Self::HitchForce(_) => Dimension::Force,
+            Self::DriveTorque(_) | Self::BrakeTorque(_) | Self::EngineTorque => Dimension::Moment,
+            Self::BrakePressure(_) => Dimension::Pressure,
+            Self::BridgeTemperature(_) => Dimension::Temperature,
+            Self::Throttle => Dimension::Ratio,
+        }
+    }
 }
 
 /// A signal and its role.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoleOf {
     /// Index of the DBC file.
     pub database: usize,
@@ -37,6 +134,8 @@ pub struct RoleOf {
     pub signal: usize,
     /// Role of the signal.
     pub role: Role,
+    /// Where the configuration asks for it; `None` for a role of the built-in file.
+    pub at: Option<usize>,
 }
 
 /// Reads the table. A role without an entry has the signal of the built-in DBC file, if the DBC files
@@ -48,72 +147,163 @@ pub fn read(
 ) -> Vec<RoleOf> {
     let mut finder = Finder {
         databases,
-        roles: Vec::new(),
+        found: Vec::new(),
     };
+    read_steering(&mut section, &mut finder, collector);
+    read_wheels(&mut section, &mut finder, collector);
+    read_controls(&mut section, &mut finder, collector);
+    read_quantities(&mut section, &mut finder, collector);
+    section.finish(collector);
+    finder.finish(collector)
+}
+
+const TRAVEL: [Dimension; 3] = [Dimension::Counts, Dimension::Voltage, Dimension::Length];
+
+fn travel(dimension: Dimension, factor: f64) -> Travel {
+    match dimension {
+        Dimension::Voltage => Travel::Voltage(factor),
+        Dimension::Length => Travel::Length(factor),
+        _ => Travel::Counts,
+    }
+}
+
+fn read_steering(
+    section: &mut Section<'_>,
+    finder: &mut Finder<'_>,
+    collector: &mut ErrorCollector<'_>,
+) {
     let field = section.optional::<String>("steer", collector);
-    finder.add(field, "Steering.hand_wheel_angle", collector, |signal| {
-        angle_factor(signal).map(Role::Steer)
-    });
+    let default = Some("Steering.hand_wheel_angle");
+    let wanted = Wanted {
+        dimensions: &[Dimension::Angle],
+        role: &|_, factor| Role::Steer(factor),
+    };
+    finder.add(field, "steer", default, collector, &wanted);
     for side in Side::ALL {
         let (key, default) = match side {
             Side::Left => ("steer_left", "SteerRods.left"),
             Side::Right => ("steer_right", "SteerRods.right"),
         };
         let field = section.optional::<String>(key, collector);
-        finder.add(field, default, collector, |signal| {
-            length_factor(signal).map(|factor| Role::SteerRod(side, factor))
-        });
+        let wanted = Wanted {
+            dimensions: &TRAVEL,
+            role: &|dimension, factor| Role::SteerRod(side, travel(dimension, factor)),
+        };
+        finder.add(field, key, Some(default), collector, &wanted);
     }
-    let mut hitch = section.section("hitch_force", collector);
-    for (axis, name) in HubAccelerationSample::AXES.into_iter().enumerate() {
-        let field = hitch.optional::<String>(name, collector);
-        let default = format!("Hitch.force_{name}");
-        finder.add(field, &default, collector, |signal| {
-            force_factor(signal).map(|factor| Role::HitchForce(axis, factor))
-        });
-    }
+    let field = section.optional::<String>("rack", collector);
+    let wanted = Wanted {
+        dimensions: &[Dimension::Length],
+        role: &|_, factor| Role::Rack(factor),
+    };
+    finder.add(field, "rack", None, collector, &wanted);
+}
+
+fn read_wheels(
+    section: &mut Section<'_>,
+    finder: &mut Finder<'_>,
+    collector: &mut ErrorCollector<'_>,
+) {
     let mut speeds = section.section("wheel_speed", collector);
     let mut deflections = section.section("deflection", collector);
     let mut strains = section.section("strain", collector);
     let mut hubs = section.section("hub_acceleration", collector);
     for wheel in Wheel::ALL {
-        let (key, corner) = (key(wheel), wheel.abbreviation());
-        let field = speeds.optional::<String>(key, collector);
-        let default = format!("WheelSpeed.{corner}");
-        finder.add(field, &default, collector, |signal| {
-            rate_factor(signal).map(|factor| Role::WheelSpeed(wheel, factor))
-        });
-        let field = deflections.optional::<String>(key, collector);
+        let corner = wheel.abbreviation();
+        let field = speeds.optional::<String>(corner, collector);
+        let wanted = Wanted {
+            dimensions: &[Dimension::AngularRate, Dimension::Speed],
+            role: &|dimension, factor| {
+                Role::WheelSpeed(
+                    wheel,
+                    match dimension {
+                        Dimension::Speed => WheelRate::Rolling(factor),
+                        _ => WheelRate::Angular(factor),
+                    },
+                )
+            },
+        };
+        let (key, default) = (
+            format!("wheel_speed.{corner}"),
+            format!("WheelSpeed.{corner}"),
+        );
+        finder.add(field, &key, Some(&default), collector, &wanted);
+        let field = deflections.optional::<String>(corner, collector);
+        let wanted = Wanted {
+            dimensions: &TRAVEL,
+            role: &|dimension, factor| Role::Deflection(wheel, travel(dimension, factor)),
+        };
+        let key = format!("deflection.{corner}");
         let default = format!("Corner_{corner}.deflection");
-        finder.add(field, &default, collector, |_| Ok(Role::Deflection(wheel)));
-        let mut channels = strains.section(key, collector);
-        for channel in StrainChannel::ALL {
-            let field = channels.optional::<String>(channel.name(), collector);
-            let default = default_strain(corner, channel);
-            finder.add(field, &default, collector, |_| {
-                Ok(Role::Strain(wheel, channel))
-            });
-        }
-        channels.finish(collector);
-        let mut axes = hubs.section(key, collector);
+        finder.add(field, &key, Some(&default), collector, &wanted);
+        let channels = strains.section(corner, collector);
+        read_strain(channels, wheel, finder, collector);
+        let mut axes = hubs.section(corner, collector);
         for (axis, name) in HubAccelerationSample::AXES.into_iter().enumerate() {
             let field = axes.optional::<String>(name, collector);
+            let wanted = Wanted {
+                dimensions: &[Dimension::Counts, Dimension::Acceleration],
+                role: &|dimension, factor| {
+                    let factor = (dimension != Dimension::Counts).then_some(factor);
+                    Role::HubAcceleration(wheel, axis, factor)
+                },
+            };
+            let key = format!("hub_acceleration.{corner}.{name}");
             let default = format!("Hub_{corner}.{name}");
-            finder.add(field, &default, collector, |signal| {
-                let factor = acceleration_factor(signal)?;
-                Ok(Role::HubAcceleration(wheel, axis, factor))
-            });
+            finder.add(field, &key, Some(&default), collector, &wanted);
         }
         axes.finish(collector);
     }
-    for section in [hitch, speeds, deflections, strains, hubs, section] {
+    for section in [speeds, deflections, strains, hubs] {
         section.finish(collector);
     }
-    finder.roles
 }
 
-const fn key(wheel: Wheel) -> &'static str {
-    wheel.abbreviation()
+fn read_strain(
+    mut channels: Section<'_>,
+    wheel: Wheel,
+    finder: &mut Finder<'_>,
+    collector: &mut ErrorCollector<'_>,
+) {
+    let corner = wheel.abbreviation();
+    for channel in StrainChannel::ALL {
+        let field = channels.optional::<String>(channel.name(), collector);
+        let load = match is_bending(channel) {
+            true => Dimension::Moment,
+            false => Dimension::Force,
+        };
+        let wanted = Wanted {
+            dimensions: &[
+                Dimension::Counts,
+                Dimension::Voltage,
+                Dimension::BridgeRatio,
+                Dimension::Strain,
+                load,
+            ],
+            role: &|dimension, factor| {
+                let signal = match dimension {
+                    Dimension::Voltage => StrainSignal::Voltage,
+                    Dimension::BridgeRatio => StrainSignal::BridgeRatio,
+                    Dimension::Strain => StrainSignal::Strain,
+                    Dimension::Force | Dimension::Moment => StrainSignal::Load,
+                    _ => return Role::Strain(wheel, channel, StrainUnit::Counts),
+                };
+                Role::Strain(wheel, channel, StrainUnit::Of(signal, factor))
+            },
+        };
+        let key = format!("strain.{corner}.{}", channel.name());
+        let default = default_strain(corner, channel);
+        finder.add(field, &key, Some(&default), collector, &wanted);
+    }
+    channels.finish(collector);
+}
+
+/// Whether a strain channel measures bending.
+pub const fn is_bending(channel: StrainChannel) -> bool {
+    matches!(
+        channel,
+        StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending
+    )
 }
 
 fn default_strain(corner: &str, channel: StrainChannel) -> String {
@@ -129,169 +319,135 @@ fn default_strain(corner: &str, channel: StrainChannel) -> String {
     format!("{message}_{corner}.{}", channel.name())
 }
 
-struct Finder<'d> {
-    databases: &'d [Database],
-    roles: Vec<RoleOf>,
-}
-
-impl Finder<'_> {
-    fn add(
-        &mut self,
-        field: Option<Field<String>>,
-        default: &str,
-        collector: &mut ErrorCollector<'_>,
-        role: impl Fn(&SignalDef) -> Result<Role, String>,
-    ) {
-        let name = field.as_ref().map_or(default, |field| &field.value);
-        let found = self.find(name);
-        let problem = match (found, field.is_some()) {
-            (Some((database, message, signal)), _) => {
-                let definition = &self.databases[database].messages()[message].signals[signal];
-                match role(definition) {
-                    Ok(role) => {
-                        self.roles.push(RoleOf {
-                            database,
-                            message,
-                            signal,
-                            role,
-                        });
-                        return;
-                    }
-                    Err(message) => (
-                        message,
-                        "correct the unit of the signal in the DBC file".to_owned(),
-                    ),
-                }
-            }
-            (None, true) => self.not_found(name),
-            (None, false) => return,
+fn read_controls(
+    section: &mut Section<'_>,
+    finder: &mut Finder<'_>,
+    collector: &mut ErrorCollector<'_>,
+) {
+    let mut add =
+        |field, key: &str, default: Option<&str>, value: ControlValue, collector: &mut _| {
+            let wanted = Wanted {
+                dimensions: &[value.dimension()],
+                role: &|_, factor| Role::Control(value, factor),
+            };
+            finder.add(field, key, default, collector, &wanted);
         };
-        if let Some(field) = field {
-            collector.add(&field.span, &field.name, problem.0, problem.1);
-        }
+    let mut hitch = section.section("hitch_force", collector);
+    for (axis, name) in HubAccelerationSample::AXES.into_iter().enumerate() {
+        let field = hitch.optional::<String>(name, collector);
+        let (key, default) = (format!("hitch_force.{name}"), format!("Hitch.force_{name}"));
+        let value = ControlValue::HitchForce(axis);
+        add(field, &key, Some(&default), value, collector);
     }
-
-    fn find(&self, name: &str) -> Option<(usize, usize, usize)> {
-        let (message_name, signal_name) = name.split_once('.')?;
-        self.databases
-            .iter()
-            .enumerate()
-            .find_map(|(number, database)| {
-                let found = database.by_name(message_name)?;
-                let messages = database.messages();
-                let message = messages.iter().position(|m| std::ptr::eq(m, found))?;
-                Some((number, message, found.position(signal_name)?))
-            })
-    }
-
-    fn not_found(&self, name: &str) -> (String, String) {
-        let Some((message_name, signal_name)) = name.split_once('.') else {
-            return (
-                format!("\"{name}\" is not the name of a signal"),
-                "use \"Message.Signal\" with both names of the DBC file".to_owned(),
-            );
-        };
-        let left_out = self.databases.iter().flat_map(Database::left_out);
-        let mut left_out = left_out.filter(|part| part.message.as_deref() == Some(message_name));
-        if let Some(part) = left_out.next() {
-            return (
-                format!(
-                    "the message {message_name} has an error in the DBC file: {}",
-                    part.issue
-                ),
-                "correct the message in the DBC file, or remove the role".to_owned(),
+    hitch.finish(collector);
+    let of_wheels: [(&str, fn(Wheel) -> ControlValue); 4] = [
+        ("drive_torque", ControlValue::DriveTorque),
+        ("brake_torque", ControlValue::BrakeTorque),
+        ("brake_pressure", ControlValue::BrakePressure),
+        ("bridge_temperature", ControlValue::BridgeTemperature),
+    ];
+    for (name, value) in of_wheels {
+        let mut wheels = section.section(name, collector);
+        for wheel in Wheel::ALL {
+            let corner = wheel.abbreviation();
+            let field = wheels.optional::<String>(corner, collector);
+            add(
+                field,
+                &format!("{name}.{corner}"),
+                None,
+                value(wheel),
+                collector,
             );
         }
-        let message = self.databases.iter().find_map(|d| d.by_name(message_name));
-        let (missing, known): (String, Vec<&str>) = match message {
-            Some(message) => (
-                format!("the message {message_name} has no signal \"{signal_name}\""),
-                message.signals.iter().map(|s| s.name.as_str()).collect(),
-            ),
-            None => (
-                format!("no DBC file has a message \"{message_name}\""),
-                self.databases
-                    .iter()
-                    .flat_map(Database::messages)
-                    .map(|m| m.name.as_str())
-                    .collect(),
-            ),
+        wheels.finish(collector);
+    }
+    let others = [
+        ("throttle", ControlValue::Throttle),
+        ("engine_torque", ControlValue::EngineTorque),
+    ];
+    for (name, value) in others {
+        let field = section.optional::<String>(name, collector);
+        add(field, name, None, value, collector);
+    }
+}
+
+/// Tables of quantities, with the names that they have in maps of columns.
+const QUANTITIES: [(&str, &[&str]); 4] = [
+    ("acceleration", &["x", "y", "z"]),
+    ("rate", &["x", "y", "z"]),
+    ("speed", &["forward", "leftward"]),
+    (
+        "gnss",
+        &[
+            "latitude",
+            "longitude",
+            "height",
+            "velocity_east",
+            "velocity_north",
+            "velocity_up",
+            "speed",
+            "course",
+            "heading",
+            "yaw",
+            "pitch",
+            "roll",
+        ],
+    ),
+];
+
+fn read_quantities(
+    section: &mut Section<'_>,
+    finder: &mut Finder<'_>,
+    collector: &mut ErrorCollector<'_>,
+) {
+    for (table, names) in QUANTITIES {
+        let mut table_section = section.section(table, collector);
+        for name in names {
+            let key = format!("{table}.{name}");
+            let quantity = Quantity::from_name(&key).expect("each name is of a quantity");
+            let field = table_section.optional::<String>(name, collector);
+            let wanted = Wanted {
+                dimensions: &[quantity.dimension()],
+                role: &|_, factor| Role::Quantity(quantity, factor),
+            };
+            finder.add(field, &key, None, collector, &wanted);
+        }
+        if table == "gnss" {
+            let field = table_section.optional::<String>("fix", collector);
+            let wanted = Wanted {
+                dimensions: &[Dimension::Counts],
+                role: &|_, _| Role::Fix,
+            };
+            finder.add(field, "gnss.fix", None, collector, &wanted);
+        }
+        table_section.finish(collector);
+    }
+    refuse_halves(finder, collector);
+}
+
+/// Refuses quantities that make no measurement alone, such as a course without a speed.
+fn refuse_halves(finder: &Finder<'_>, collector: &mut ErrorCollector<'_>) {
+    let of = |role: &Role| match role {
+        Role::Quantity(quantity, _) => Some(*quantity),
+        _ => None,
+    };
+    let known: Vec<Quantity> = finder
+        .fields()
+        .filter_map(|(role, _)| of(&role.role))
+        .collect();
+    for (role, (span, name)) in finder.fields() {
+        let sets = of(&role.role).map(Quantity::needs).unwrap_or_default();
+        let absent = |set: &Vec<Quantity>| -> Vec<String> {
+            let absent = set.iter().filter(|needed| !known.contains(needed));
+            absent.map(|needed| needed.name()).collect()
         };
-        let wanted = if message.is_some() {
-            signal_name
-        } else {
-            message_name
-        };
-        let help = match closest(wanted, &known) {
-            Some(near) => format!("did you mean \"{near}\"?"),
-            None => format!("use one of: {}", known.join(", ")),
-        };
-        (missing, help)
+        let nearest = sets.iter().map(absent).min_by_key(Vec::len);
+        if let Some(nearest) = nearest.filter(|absent| !absent.is_empty()) {
+            let problem = format!("makes no measurement without {}", nearest.join(" and "));
+            collector.add(span, name, problem, "give those signals roles, too");
+        }
     }
 }
 
-/// Factor that converts the unit of a signal to rad.
-fn angle_factor(signal: &SignalDef) -> Result<f64, String> {
-    match signal.unit.trim() {
-        "rad" => Ok(1.0),
-        "deg" | "degree" | "degrees" | "°" => Ok(1.0_f64.to_radians()),
-        unit => Err(format!(
-            "{} has the unit \"{unit}\", which is not a unit of an angle",
-            signal.name
-        )),
-    }
-}
-
-/// Factor that converts the unit of a signal to N.
-fn force_factor(signal: &SignalDef) -> Result<f64, String> {
-    match signal.unit.trim() {
-        "N" => Ok(1.0),
-        "daN" => Ok(10.0),
-        "kN" => Ok(1000.0),
-        unit => Err(format!(
-            "{} has the unit \"{unit}\", which is not a unit of a force",
-            signal.name
-        )),
-    }
-}
-
-/// Factor that converts the unit of a signal to m; none for counts.
-fn length_factor(signal: &SignalDef) -> Result<Option<f64>, String> {
-    match signal.unit.trim() {
-        "m" => Ok(Some(1.0)),
-        "cm" => Ok(Some(1e-2)),
-        "mm" => Ok(Some(1e-3)),
-        "count" | "counts" | "" => Ok(None),
-        unit => Err(format!(
-            "{} has the unit \"{unit}\", which is not a unit of a length",
-            signal.name
-        )),
-    }
-}
-
-/// Factor that converts the unit of a signal to m/s^2; none for counts.
-fn acceleration_factor(signal: &SignalDef) -> Result<Option<f64>, String> {
-    match signal.unit.trim() {
-        "m/s^2" | "m/s2" | "m/s²" => Ok(Some(1.0)),
-        "g" => Ok(Some(STANDARD_GRAVITY_M_S2)),
-        "count" | "counts" | "" => Ok(None),
-        unit => Err(format!(
-            "{} has the unit \"{unit}\", which is not a unit of an acceleration",
-            signal.name
-        )),
-    }
-}
-
-/// Factor that converts the unit of a signal to rad/s.
-fn rate_factor(signal: &SignalDef) -> Result<f64, String> {
-    match signal.unit.trim() {
-        "rad/s" => Ok(1.0),
-        "deg/s" | "°/s" => Ok(1.0_f64.to_radians()),
-        "rpm" | "1/min" => Ok(std::f64::consts::TAU / 60.0),
-        "Hz" | "1/s" | "rev/s" => Ok(std::f64::consts::TAU),
-        unit => Err(format!(
-            "{} has the unit \"{unit}\", which is not a unit of an angular speed",
-            signal.name
-        )),
-    }
-}
+#[cfg(test)]
+mod tests;

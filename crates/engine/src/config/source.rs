@@ -12,9 +12,11 @@ use wire::crossbow440::{PacketRate, SetupOptions};
 use wire::dbc::{Database, MessageDef};
 use wire::line;
 
+use super::Estimator;
 use super::columns::{self, CsvMap};
 use super::files::{FileKind, Files};
 use super::roles::RoleOf;
+use crate::engine::{Scales, conversion};
 use model::file::{ErrorCollector, Field, Problem, Section, closest};
 
 /// Names of the kinds of source in the file.
@@ -117,6 +119,35 @@ impl CanMeaning {
             databases,
             roles,
             warnings: Vec::new(),
+        }
+    }
+}
+
+/// Refuses signals in units that the sensors file does not convert.
+pub fn check_units(
+    sources: &[Source],
+    estimator: Option<&Estimator>,
+    collector: &mut ErrorCollector<'_>,
+) {
+    let scales = Scales::of(estimator);
+    for source in sources {
+        let Meaning::Can(can) = &source.meaning else {
+            continue;
+        };
+        for role in &can.roles {
+            let message = &can.databases[role.database].messages()[role.message];
+            let signal = &message.signals[role.signal];
+            if let (Err(error), Some(at)) = (conversion(role.role, signal, &scales), role.at) {
+                collector.add(
+                    &(at..at),
+                    &format!("source.{}.roles", source.spec.name),
+                    format!(
+                        "signal {}.{} has the unit \"{}\", but {error}",
+                        message.name, signal.name, signal.unit
+                    ),
+                    "name a signal in another unit, or add the field to the sensors file",
+                );
+            }
         }
     }
 }

@@ -1,18 +1,24 @@
 //! Decodes CAN frames to signals and measurements.
 
+mod convert;
+mod parts;
+
 use std::sync::Arc;
 
-use model::sensors::{HubAcceleration, Potentiometers};
-use model::strain::ABSENT_COUNT;
+use model::sensors::{HubAcceleration, Potentiometers, StrainChain};
 use sample::{
-    CanFrame, ControlSample, CornerSample, DeviceTime, HubAccelerationSample, LogTime, Measurement,
-    NANOS_PER_SECOND, PerWheel, Sample, Signal, SignalFrame, SourceId, SteerSample, StrainChannel,
-    Wheel, WheelSpeedSample,
+    CanFrame, ControlSample, CornerSample, Counts, DeviceTime, HubAccelerationSample, LogTime,
+    Measurement, NANOS_PER_SECOND, PerWheel, Sample, Signal, SignalFrame, SourceId, SteerSample,
+    StrainChannel, Wheel, WheelSpeedSample,
 };
-use wire::dbc::{Database, MessageDef, parameter_group, source_address};
+use wire::column::Quantity;
+use wire::dbc::{Database, MessageDef, SignalDef, parameter_group, source_address};
 use wire::j1939::{self, Lamps, Transport};
 
-use crate::config::{CanMeaning, Role};
+use crate::config::{CanMeaning, Estimator, Role, Travel, WheelRate};
+
+pub use convert::Conversion;
+use parts::Parts;
 
 /// Largest plausible age of a kernel stamp, ns; an older stamp is ignored.
 const KERNEL_DELAY_MAX_NS: i64 = 10 * NANOS_PER_SECOND;
@@ -36,6 +42,8 @@ const CODES_MAX: usize = 50;
 pub struct CanDecoder {
     databases: Vec<Decodable>,
     scales: Scales,
+    /// Measurements whose parts come in several messages.
+    parts: Parts,
     /// J1939 messages of several frames.
     transport: Transport,
 }
@@ -43,6 +51,12 @@ pub struct CanDecoder {
 /// What turns signals into measurements, beside the DBC files.
 #[derive(Clone, Debug, Default)]
 pub struct Scales {
+    /// Chain of the strain channels; without it, a signal that is not in counts measures nothing.
+    pub strain: Option<StrainChain>,
+    /// Scale of the spring potentiometers; without it, a signal that is not in counts measures nothing.
+    pub deflection: Option<Potentiometers>,
+    /// Rolling radius of each wheel, m; without it, a wheel speed in m/s measures nothing.
+    pub rolling_radius_m: PerWheel<Option<f64>>,
     /// Scale of the hub accelerometers' counts; without it, there are counts alone.
     pub hub: Option<HubAcceleration>,
     /// Travel of the steering rack for an angle of the steering wheel, m/rad; without it, the
@@ -51,6 +65,30 @@ pub struct Scales {
     /// Scale of the counts of the potentiometers along the tie rods, if these measure the steering wheel
     /// in the place of an encoder.
     pub rods: Option<Potentiometers>,
+}
+
+impl Scales {
+    /// Scales of the sensors and the vehicle of a configuration.
+    pub fn of(estimator: Option<&Estimator>) -> Self {
+        let Some(Estimator {
+            sensors, vehicle, ..
+        }) = estimator
+        else {
+            return Self::default();
+        };
+        Self {
+            strain: Some(sensors.strain.clone()),
+            deflection: Some(sensors.deflection.clone()),
+            rolling_radius_m: PerWheel::from_fn(|wheel| {
+                let tyre = &vehicle.axle(wheel).tyre;
+                let radius_m = tyre.rolling_radius_m(vehicle.static_load_n(wheel));
+                (radius_m > 0.0).then_some(radius_m)
+            }),
+            hub: sensors.hub_acceleration.clone(),
+            rack_m_rad: vehicle.steering.rack_m_rad,
+            rods: sensors.steer_potentiometers.clone(),
+        }
+    }
 }
 
 struct Decodable {
@@ -73,15 +111,72 @@ struct SignalPlan {
     name: Arc<str>,
     unit: Arc<str>,
     role: Option<Role>,
+    /// How the values become counts, if the role is a channel of a converter.
+    conversion: Conversion,
+    /// Name in the log of a value that is recorded under its name.
+    control: Option<(Arc<str>, Arc<str>)>,
+    /// The integer that means that there is no value.
+    absent: Option<i64>,
+}
+
+/// Labels of the value that means that there is none.
+const ABSENT: [&str; 4] = ["absent", "sna", "not available", "signal not available"];
+
+impl SignalPlan {
+    fn new(signal: &SignalDef) -> Self {
+        let absent = signal.labels.iter().find(|(_, label)| {
+            let label = label.trim().to_lowercase().replace('_', " ");
+            ABSENT.contains(&label.as_str())
+        });
+        Self {
+            name: signal.name.as_str().into(),
+            unit: signal.unit.as_str().into(),
+            role: None,
+            conversion: Conversion::Unknown,
+            control: None,
+            absent: absent.map(|(value, _)| *value),
+        }
+    }
+
+    /// Gives the signal a role. What the sensors file lacks is an error of the configuration.
+    fn set_role(&mut self, role: Role, signal: &SignalDef, scales: &Scales) {
+        self.role = Some(role);
+        self.conversion = conversion(role, signal, scales)
+            .ok()
+            .flatten()
+            .unwrap_or(Conversion::Unknown);
+        if let Role::Control(value, _) = role {
+            self.control = Some((value.name().into(), value.unit().into()));
+        }
+    }
+}
+
+/// How the values of a signal with a role become counts; `None` if the role has none.
+///
+/// # Errors
+/// When the sensors file does not have what the unit of the signal needs.
+pub fn conversion(
+    role: Role,
+    signal: &SignalDef,
+    scales: &Scales,
+) -> Result<Option<Conversion>, model::Error> {
+    match role {
+        Role::Strain(_, channel, unit) => {
+            Conversion::of_strain(unit, channel, signal, scales.strain.as_ref()).map(Some)
+        }
+        Role::Deflection(_, travel) => {
+            Conversion::of_travel(travel, signal, scales.deflection.as_ref()).map(Some)
+        }
+        Role::SteerRod(_, travel) if !matches!(travel, Travel::Length(_)) => {
+            Conversion::of_travel(travel, signal, scales.rods.as_ref()).map(Some)
+        }
+        _ => Ok(None),
+    }
 }
 
 impl Plan {
     fn new(message: &MessageDef, name: &str, latency_s: Option<f64>) -> Self {
-        let signals = message.signals.iter().map(|signal| SignalPlan {
-            name: signal.name.as_str().into(),
-            unit: signal.unit.as_str().into(),
-            role: None,
-        });
+        let signals = message.signals.iter().map(SignalPlan::new);
         Self {
             name: name.into(),
             signals: signals.collect(),
@@ -127,12 +222,17 @@ impl Arrived {
 #[derive(Default)]
 struct Measured {
     steer_rad: Option<f64>,
-    /// Travel of the tie rods, left and right, m.
-    rods_m: [Option<f64>; 2],
+    /// Travel of the tie rods, left and right, and of the rack, m.
+    rods_m: [Option<f64>; 3],
     speeds_rad_s: PerWheel<Option<f64>>,
     corners: PerWheel<Option<CornerSample>>,
     hubs: PerWheel<Option<HubAccelerationSample>>,
-    hitch_n: [Option<f64>; 3],
+    /// Values that are recorded under their names.
+    controls: Vec<Signal>,
+    /// Parts of measurements of other devices.
+    parts: Vec<(Quantity, f64)>,
+    /// Whether the receiver has a solution.
+    is_solved: Option<bool>,
 }
 
 impl CanDecoder {
@@ -152,18 +252,26 @@ impl CanDecoder {
                 database: database.clone(),
             })
             .collect();
+        let mut parts = Parts::default();
         for role in &meaning.roles {
-            let slot = databases
-                .get_mut(role.database)
-                .and_then(|decodable| decodable.plans.get_mut(role.message))
-                .and_then(|plan| plan.signals.get_mut(role.signal));
-            if let Some(signal) = slot {
-                signal.role = Some(role.role);
+            let Some(Decodable { database, plans }) = databases.get_mut(role.database) else {
+                continue;
+            };
+            let message = database.messages().get(role.message);
+            let signal = message.and_then(|message| message.signals.get(role.signal));
+            let plan = plans.get_mut(role.message);
+            let plan = plan.and_then(|plan| plan.signals.get_mut(role.signal));
+            if let (Some(plan), Some(signal)) = (plan, signal) {
+                plan.set_role(role.role, signal, &scales);
+            }
+            if let Role::Quantity(quantity, _) = role.role {
+                parts.expect(quantity);
             }
         }
         Self {
             databases,
             scales,
+            parts,
             transport: Transport::default(),
         }
     }
@@ -231,7 +339,7 @@ impl CanDecoder {
 
     /// Decodes the data of an identifier, which a frame completed.
     fn decode(
-        &self,
+        &mut self,
         arrived: &Arrived,
         frame: &CanFrame,
         id: u32,
@@ -260,6 +368,13 @@ impl CanDecoder {
             id,
             signals,
         }));
+        if let Some(is_solved) = measured.is_solved {
+            self.parts.take_fix(is_solved);
+        }
+        let time = arrived.instant();
+        for measurement in self.parts.take(id, time, &measured.parts) {
+            emit(measurement);
+        }
         for corner in measured.corners.0.into_iter().flatten() {
             emit(Measurement::Corner(corner));
         }
@@ -271,8 +386,9 @@ impl CanDecoder {
         if let Some(steering_wheel_rad) = by_encoder.or(by_rods) {
             emit(Measurement::Steer(SteerSample { steering_wheel_rad }));
         }
-        if let Some(hitch) = measured.hitch() {
-            emit(Measurement::Control(hitch));
+        if !measured.controls.is_empty() {
+            let values = measured.controls;
+            emit(Measurement::Control(ControlSample { values }));
         }
         if measured.speeds_rad_s.0.iter().any(Option::is_some) {
             emit(Measurement::WheelSpeed(WheelSpeedSample {
@@ -310,29 +426,42 @@ fn decode(
             value: value.physical,
             unit: Arc::clone(&signal.unit),
         });
-        match signal.role {
+        let is_absent =
+            signal.absent.is_some() && signal.absent == value.signal.integer(value.bits);
+        match signal.role.filter(|_| !is_absent) {
             Some(Role::Steer(factor)) => measured.steer_rad = Some(value.physical * factor),
-            Some(Role::SteerRod(side, factor)) => {
-                measured.rods_m[side as usize] = match factor {
-                    Some(factor) => Some(value.physical * factor),
-                    None => (scales.rods.as_ref().zip(counts(value.bits)))
-                        .and_then(|(pots, count)| pots.travel_m(count)),
+            Some(Role::SteerRod(side, travel)) => {
+                measured.rods_m[side as usize] = match travel {
+                    Travel::Length(factor) => Some(value.physical * factor),
+                    _ => (scales.rods.as_ref().zip(signal.conversion.counts(&value)))
+                        .and_then(|(pots, counts)| pots.travel_m(counts)),
                 };
             }
-            Some(Role::WheelSpeed(wheel, factor)) => {
-                measured.speeds_rad_s[wheel] = Some(value.physical * factor);
+            Some(Role::Rack(factor)) => measured.rods_m[2] = Some(value.physical * factor),
+            Some(Role::WheelSpeed(wheel, rate)) => {
+                let radius_m = scales.rolling_radius_m[wheel];
+                measured.speeds_rad_s[wheel] = match rate {
+                    WheelRate::Angular(factor) => Some(value.physical * factor),
+                    WheelRate::Rolling(factor) => radius_m.map(|r| value.physical * factor / r),
+                };
             }
-            Some(Role::Deflection(wheel)) => {
+            Some(Role::Deflection(wheel, _)) => {
                 let corner = measured.corner(wheel);
-                corner.deflection_counts = counts(value.bits);
+                corner.deflection_counts = signal.conversion.counts(&value);
             }
-            Some(Role::Strain(wheel, channel)) => {
+            Some(Role::Strain(wheel, channel, _)) => {
                 let corner = measured.corner(wheel);
-                corner.strain_counts[channel.index()] = counts(value.bits);
+                corner.strain_counts[channel.index()] = signal.conversion.counts(&value);
             }
+            Some(Role::Quantity(quantity, factor)) => {
+                measured.parts.push((quantity, value.physical * factor));
+            }
+            Some(Role::Fix) => measured.is_solved = Some(value.physical != 0.0),
             Some(Role::HubAcceleration(wheel, axis, factor)) => {
                 let hub = measured.hubs[wheel].get_or_insert(HubAccelerationSample::empty(wheel));
-                hub.counts[axis] = counts(value.bits).filter(|_| factor.is_none());
+                let counts = Conversion::Counts.counts(&value).map(Counts::number);
+                let counts = counts.map(|counts| counts as i32);
+                hub.counts[axis] = counts.filter(|_| factor.is_none());
                 hub.specific_force_m_s2[axis] = match factor {
                     Some(factor) => Some(value.physical * factor),
                     None => (scales.hub.as_ref())
@@ -340,8 +469,13 @@ fn decode(
                         .and_then(|(scale, count)| scale.specific_force_m_s2(count)),
                 };
             }
-            Some(Role::HitchForce(axis, factor)) => {
-                measured.hitch_n[axis] = Some(value.physical * factor);
+            Some(Role::Control(_, factor)) => {
+                let names = signal.control.iter();
+                measured.controls.extend(names.map(|(name, unit)| Signal {
+                    name: Arc::clone(name),
+                    value: value.physical * factor,
+                    unit: Arc::clone(unit),
+                }));
             }
             None => {}
         }
@@ -359,21 +493,6 @@ impl Measured {
         Some(known().sum::<f64>() / count as f64 / rack_m_rad)
     }
 
-    /// Force of a load on the hitch.
-    fn hitch(&self) -> Option<ControlSample> {
-        let named = ControlSample::HITCH_FORCE.into_iter().zip(self.hitch_n);
-        let values: Vec<Signal> = named
-            .filter_map(|(name, value)| {
-                Some(Signal {
-                    name: name.into(),
-                    value: value?,
-                    unit: "N".into(),
-                })
-            })
-            .collect();
-        (!values.is_empty()).then_some(ControlSample { values })
-    }
-
     fn corner(&mut self, wheel: Wheel) -> &mut CornerSample {
         self.corners[wheel].get_or_insert(CornerSample {
             wheel,
@@ -383,13 +502,9 @@ impl Measured {
     }
 }
 
-fn counts(bits: u64) -> Option<i32> {
-    let present = bits != u64::from(ABSENT_COUNT);
-    present.then(|| i32::try_from(bits).ok()).flatten()
-}
-
 #[cfg(test)]
 mod tests {
+    use model::strain::ABSENT_COUNT;
     use sample::{CanFlags, Side};
 
     use super::*;
@@ -406,6 +521,7 @@ mod tests {
             message: 0,
             signal,
             role,
+            at: None,
         });
         let databases = vec![Database::parse(DBC).expect("a DBC file")];
         let meaning = CanMeaning::new(databases, roles.collect());
@@ -415,11 +531,12 @@ mod tests {
             adc_bits: 10,
             noise_counts: 1.0,
             zero_error_counts: 0.0,
+            excitation_v: None,
         };
         let scales = Scales {
-            hub: None,
             rack_m_rad: Some(0.01),
             rods: rods.then_some(pots),
+            ..Scales::default()
         };
         let mut data = [0; 64];
         for (bytes, field) in data.chunks_exact_mut(2).zip(fields) {
@@ -449,8 +566,8 @@ mod tests {
 
     #[test]
     fn tie_rods_in_metres_and_in_counts_give_the_steering_wheel() {
-        let millimetres = (0, Role::SteerRod(Side::Left, Some(1e-3)));
-        let counts = (1, Role::SteerRod(Side::Right, None));
+        let millimetres = (0, Role::SteerRod(Side::Left, Travel::Length(1e-3)));
+        let counts = (1, Role::SteerRod(Side::Right, Travel::Counts));
         let encoder = (2, Role::Steer(1.0));
         // 5 mm to the left; a quarter of the span, 25 mm; 0.3 rad.
         let fields = [50, 768, 300];

@@ -105,11 +105,7 @@ impl SourceState {
     pub fn new(source: &Source, estimator: Option<&config::Estimator>) -> Result<Self> {
         let sensors = estimator.map(|settings| &settings.sensors);
         let attitude_latency_s = sensors.map_or(0.0, |sensors| sensors.gnss_attitude.latency_s);
-        let scales = Scales {
-            hub: sensors.and_then(|sensors| sensors.hub_acceleration.clone()),
-            rack_m_rad: estimator.and_then(|settings| settings.vehicle.steering.rack_m_rad),
-            rods: sensors.and_then(|sensors| sensors.steer_potentiometers.clone()),
-        };
+        let scales = Scales::of(estimator);
         let (decoder, gnss) = match &source.meaning {
             Meaning::Can(can) => (Decoder::Can(Box::new(CanDecoder::new(can, scales))), None),
             Meaning::Crossbow440(rate) => {

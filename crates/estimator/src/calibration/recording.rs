@@ -164,11 +164,11 @@ impl Recording {
                     .zip(corner.strain_counts)
                 {
                     if let Some(counts) = counts {
-                        column.push(time_s, f64::from(counts));
+                        column.push(time_s, counts.number());
                     }
                 }
                 if let Some(counts) = corner.deflection_counts {
-                    self.deflection[corner.wheel].push(time_s, f64::from(counts));
+                    self.deflection[corner.wheel].push(time_s, counts.number());
                 }
             }
             Measurement::WheelSpeed(speeds) => {

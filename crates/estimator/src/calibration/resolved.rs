@@ -1,9 +1,9 @@
 //! A calibration with every absent value filled in from the sensors file.
 
 use model::sensors::Sensors;
-use model::strain::ABSENT_COUNT;
+use model::strain::largest_count;
 use nalgebra::{Matrix3, Vector3};
-use sample::{PerWheel, StrainChannel, Wheel};
+use sample::{Counts, PerWheel, StrainChannel, Wheel};
 
 use super::{Calibration, ChannelCalibration};
 use crate::EstimatorError;
@@ -102,7 +102,7 @@ pub struct Channel {
     /// Standard deviation of one reading, converter's rounding included, in the channel's value.
     pub noise_sigma: f64,
     /// Largest count that the converter gives; a reading at 0 or there is saturated.
-    pub counts_max: i32,
+    pub counts_max: f64,
     /// How often in a row the same count is a fault: the converter's noise moves its counts even at
     /// rest. None where it has too little of it.
     pub frozen_after: Option<u32>,
@@ -113,9 +113,27 @@ pub struct Channel {
 impl Channel {
     /// The value of a reading; `None` for a dead channel or a saturated converter.
     #[must_use]
-    pub fn value(&self, counts: i32) -> Option<f64> {
-        (!self.dead && counts > 0 && counts < self.counts_max)
-            .then(|| self.gain * (f64::from(counts) - self.offset_counts))
+    pub fn value(&self, counts: impl Into<Counts>) -> Option<f64> {
+        let counts = counts.into();
+        let number = counts.number();
+        let is_within = match counts {
+            Counts::Converter(_) => number > 0.0 && number < self.counts_max,
+            Counts::Equivalent { .. } => number.is_finite(),
+        };
+        (!self.dead && is_within).then(|| self.gain * (number - self.offset_counts))
+    }
+
+    /// How often in a row this reading is a fault. A value with steps that are larger than the noise
+    /// repeats without a fault.
+    #[must_use]
+    pub fn frozen_after(&self, counts: Counts) -> Option<u32> {
+        let step = match counts {
+            Counts::Converter(_) => 1.0,
+            Counts::Equivalent { step, .. } => step.max(1.0),
+        };
+        let noise = self.noise_sigma / self.gain.abs();
+        let repeats = self.frozen_after?;
+        (step <= 1.0 || noise >= 0.5 * step).then(|| (f64::from(repeats) * step) as u32)
     }
 }
 
@@ -257,7 +275,7 @@ fn plausible(handling: Option<Handling>) -> Result<Option<Handling>, EstimatorEr
 }
 
 fn full_scale(adc_bits: u8) -> f64 {
-    math::exp2(f64::from(adc_bits.min(16)))
+    math::exp2(f64::from(adc_bits.min(32)))
 }
 
 /// How often in a row a count may come again where noise has this standard deviation, counts. Were
@@ -357,7 +375,7 @@ fn resolve(
         noise_sigma: gain.abs() * noise_counts(noise),
         frozen_after: frozen_after(noise),
         // The largest value of a 16-bit field means that there is no count.
-        counts_max: ((full_scale - 1.0) as i32).min(i32::from(ABSENT_COUNT) - 1),
+        counts_max: largest_count(full_scale),
         dead,
     })
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-use sample::{Measurement, Sample, Wheel};
+use sample::{Counts, Measurement, Sample, Wheel};
 use testkit::sensing;
 
 /// Strain channels of a corner that are fitted.
@@ -129,8 +129,10 @@ impl Channel {
 
     fn value(self, measurement: &Measurement) -> Option<f64> {
         match (self, measurement) {
-            (Self::Strain(_, i), Measurement::Corner(c)) => c.strain_counts[i].map(f64::from),
-            (Self::Potentiometer(_), Measurement::Corner(c)) => c.deflection_counts.map(f64::from),
+            (Self::Strain(_, i), Measurement::Corner(c)) => c.strain_counts[i].map(Counts::number),
+            (Self::Potentiometer(_), Measurement::Corner(c)) => {
+                c.deflection_counts.map(Counts::number)
+            }
             (Self::SpecificForce(i), Measurement::Imu(imu)) => Some(imu.specific_force_m_s2[i]),
             (Self::Rate(i), Measurement::Imu(imu)) => Some(imu.angular_rate_rad_s[i]),
             (Self::Velocity(i), Measurement::GnssVelocity(gnss)) => Some(gnss.velocity_enu_m_s[i]),
@@ -149,7 +151,7 @@ impl Channel {
     fn set(self, measurement: &mut Measurement, value: f64) {
         let counts = value
             .is_finite()
-            .then(|| value.clamp(0.0, COUNT_MAX) as i32);
+            .then(|| Counts::Converter(value.clamp(0.0, COUNT_MAX) as i32));
         match (self, measurement) {
             (Self::Strain(_, i), Measurement::Corner(c)) => c.strain_counts[i] = counts,
             (Self::Potentiometer(_), Measurement::Corner(c)) => c.deflection_counts = counts,

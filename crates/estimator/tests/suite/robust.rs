@@ -15,7 +15,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use sample::{
-    CornerSample, Estimate, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime,
+    CornerSample, Counts, Estimate, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime,
     Measurement, PerWheel, Sample, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
 };
 
@@ -74,13 +74,13 @@ fn healthy(step: usize) -> Vec<(u8, Measurement)> {
     let mut all = Vec::new();
     for wheel in Wheel::ALL {
         let mut strain_counts = [None; StrainChannel::COUNT];
-        strain_counts[..5].fill(Some(500 + (step % 3) as i32));
+        strain_counts[..5].fill(Some((500 + (step % 3) as i32).into()));
         all.push((
             wheel.index() as u8,
             Measurement::Corner(CornerSample {
                 wheel,
                 strain_counts,
-                deflection_counts: Some(511 + (step % 2) as i32),
+                deflection_counts: Some((511 + (step % 2) as i32).into()),
             }),
         ));
     }
@@ -130,7 +130,7 @@ fn healthy(step: usize) -> Vec<(u8, Measurement)> {
 }
 
 fn spoil(measurement: &mut Measurement, value: f64) {
-    let counts = value.clamp(0.0, 65_535.0) as i32;
+    let counts = Counts::Converter(value.clamp(0.0, 65_535.0) as i32);
     match measurement {
         Measurement::Corner(corner) => {
             corner.strain_counts = [Some(counts); StrainChannel::COUNT];
@@ -159,7 +159,7 @@ fn saturate(measurement: &mut Measurement, high: bool) {
     let side = if high { 1.0 } else { -1.0 };
     match measurement {
         Measurement::Corner(corner) => {
-            let counts = Some(if high { 1023 } else { 0 });
+            let counts = Some(Counts::Converter(if high { 1023 } else { 0 }));
             corner.strain_counts = [counts; StrainChannel::COUNT];
             corner.deflection_counts = counts;
         }

@@ -5,7 +5,7 @@ use model::sensors::Sensors;
 use model::vehicle::{Vehicle, Wishbone};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sample::{Event, EventKind, Measurement, Sample, StrainChannel, Wheel};
+use sample::{Counts, Event, EventKind, Measurement, Sample, StrainChannel, Wheel};
 use testkit::scoring::{self, Estimated, deviations, estimate, force_errors, motion_errors};
 use testkit::sensing;
 use testkit::truth::{self, RATE_HZ, Run};
@@ -66,6 +66,11 @@ fn gains(calibration: &mut Calibration, sensors: &Sensors, seed: u64) {
             corner.strain.entry(*channel).or_default().gain_per_count = Some(gain);
         }
     }
+}
+
+/// The count of a channel whose zero has moved.
+fn shifted(counts: Counts) -> Counts {
+    Counts::Converter((counts.number() as i32 + 60).min(1022))
 }
 
 /// One case: what is ignored, what is done to each sample, and the largest errors F_x, F_y, F_z in
@@ -175,7 +180,7 @@ const CASES: [Case; 13] = [
                 && corner.wheel == Wheel::FrontLeft
                 && time_s > FAULT_S
             {
-                corner.strain_counts[2] = corner.strain_counts[2].map(|n| (n + 60).min(1022));
+                corner.strain_counts[2] = corner.strain_counts[2].map(shifted);
             }
         },
         force_max: [2.0, 1.6, 1.3],
@@ -189,7 +194,7 @@ const CASES: [Case; 13] = [
                 && corner.wheel == Wheel::FrontLeft
                 && time_s > FAULT_S
             {
-                corner.deflection_counts = Some(520);
+                corner.deflection_counts = Some(520.into());
             }
         },
         force_max: [2.0, 2.0, 3.0],
@@ -203,7 +208,7 @@ const CASES: [Case; 13] = [
                 && corner.wheel == Wheel::FrontLeft
                 && time_s > FAULT_S
             {
-                corner.deflection_counts = corner.deflection_counts.map(|n| (n + 60).min(1022));
+                corner.deflection_counts = corner.deflection_counts.map(shifted);
             }
         },
         force_max: [6.0, 7.0, 10.0],
@@ -331,7 +336,7 @@ fn a_channel_that_comes_back_good_is_used_again_and_said_so() {
                     Some(channel) => &mut corner.strain_counts[channel.index()],
                     None => &mut corner.deflection_counts,
                 };
-                *counts = counts.map(|n| (n + 60).min(1022));
+                *counts = counts.map(shifted);
             }
         }
         let result = estimate(vehicle, &sensors, &calibration, settings.clone(), &samples);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::Sensors;
+use super::{Sensors, StrainChain};
 use crate::Error;
 use crate::file::FileErrors;
 use crate::file::rules::Kind::{Choice, Choices, Integer, Number, Table, Text, Vector};
@@ -76,18 +76,21 @@ pub(crate) const SECTIONS: &[TableRules] = &[
         tables: &["strain"],
         rules: &[
             RATE,
-            must("tube_outer_diameter_m", Number(Positive(1.0))),
-            must("tube_wall_m", Number(Positive(0.5))),
-            must("youngs_modulus_pa", Number(Within(1e8, 1e12))),
-            must("poisson_ratio", Number(Within(0.0, 0.5))),
-            must("gauge_factor", Number(Positive(300.0))),
-            must("excitation_v", Number(Positive(100.0))),
-            must("bridge", BRIDGES),
-            must("gain_resistor_ohm", Number(Positive(1e6))),
+            may("tube_outer_diameter_m", Number(Positive(1.0))),
+            may("tube_wall_m", Number(Positive(0.5))),
+            may("youngs_modulus_pa", Number(Within(1e8, 1e12))),
+            may("poisson_ratio", Number(Within(0.0, 0.5))),
+            may("gauge_factor", Number(Positive(300.0))),
+            may("excitation_v", Number(Positive(100.0))),
+            may("bridge", BRIDGES),
+            may("gain_resistor_ohm", Number(Positive(1e6))),
+            may("n_per_count", Number(Within(-1e6, 1e6))),
+            may("n_per_mv_v", Number(Within(-1e9, 1e9))),
+            may("um_m_per_mv_v", Number(Within(-1e6, 1e6))),
             may("amplifier", Table),
             may("bending", Table),
             must("lag_hz", Number(Positive(1e6))),
-            must("adc_bits", Integer(4, 16)),
+            may("adc_bits", Integer(4, 32)),
             must("noise_counts", Number(NonNegative(65_535.0))),
             must("zero_error_counts", Number(NonNegative(65_535.0))),
         ],
@@ -102,8 +105,11 @@ pub(crate) const SECTIONS: &[TableRules] = &[
     TableRules {
         tables: &["strain.bending"],
         rules: &[
-            must("bridge", BRIDGES),
-            must("gain_resistor_ohm", Number(Positive(1e6))),
+            may("bridge", BRIDGES),
+            may("gain_resistor_ohm", Number(Positive(1e6))),
+            may("n_m_per_count", Number(Within(-1e6, 1e6))),
+            may("n_m_per_mv_v", Number(Within(-1e9, 1e9))),
+            may("um_m_per_mv_v", Number(Within(-1e6, 1e6))),
             must("distance_from_ball_joint_m", Number(Positive(2.0))),
         ],
     },
@@ -112,9 +118,10 @@ pub(crate) const SECTIONS: &[TableRules] = &[
         rules: &[
             RATE,
             must("span_m", Number(Positive(5.0))),
-            must("adc_bits", Integer(4, 16)),
+            must("adc_bits", Integer(4, 32)),
             must("noise_counts", Number(NonNegative(65_535.0))),
             must("zero_error_counts", Number(NonNegative(65_535.0))),
+            may("excitation_v", Number(Positive(100.0))),
         ],
     },
     TableRules {
@@ -188,14 +195,12 @@ impl Sensors {
     /// All mistakes at once, each with its line, field, value and remedy.
     pub fn from_toml(text: &str, path: impl AsRef<Path>) -> Result<Self, SensorsErrors> {
         let mut checked: Checked<Self> = rules::read(text, path.as_ref(), SECTIONS)?;
-        let strain = &checked.value.strain;
-        let (wall, diameter) = (strain.tube_wall_m, strain.tube_outer_diameter_m);
-        if 2.0 * wall > diameter {
+        for problem in chain_problems(&checked.value.strain) {
             checked.note(
-                "strain.tube_wall_m",
-                wall.to_string(),
-                format!("is more than half the tube's diameter of {diameter} m"),
-                "check its unit".into(),
+                &problem.field,
+                problem.value,
+                problem.message,
+                problem.remedy,
             );
         }
         let (encoder, rods) = (&checked.value.steer, &checked.value.steer_potentiometers);
@@ -239,6 +244,131 @@ impl Sensors {
     }
 }
 
+/// A mistake that shows only between the fields of the strain chain.
+struct ChainProblem {
+    field: String,
+    value: String,
+    message: String,
+    remedy: String,
+}
+
+/// What is wrong between the fields of a strain chain: it is given by its gauges and amplifier, or by its
+/// calibration.
+fn chain_problems(strain: &StrainChain) -> Vec<ChainProblem> {
+    let problem = |field: String, value: String, message: String, remedy: &str| ChainProblem {
+        field,
+        value,
+        message,
+        remedy: remedy.to_owned(),
+    };
+    let mut problems = Vec::new();
+    if let (Some(wall), Some(diameter)) = (strain.tube_wall_m, strain.tube_outer_diameter_m)
+        && 2.0 * wall > diameter
+    {
+        problems.push(problem(
+            "strain.tube_wall_m".into(),
+            wall.to_string(),
+            format!("is more than half the tube's diameter of {diameter} m"),
+            "check its unit",
+        ));
+    }
+    let tube = [
+        (
+            "tube_outer_diameter_m",
+            strain.tube_outer_diameter_m.is_some(),
+        ),
+        ("tube_wall_m", strain.tube_wall_m.is_some()),
+        ("youngs_modulus_pa", strain.youngs_modulus_pa.is_some()),
+    ];
+    let gauge = [
+        ("poisson_ratio", strain.poisson_ratio.is_some()),
+        ("gauge_factor", strain.gauge_factor.is_some()),
+        ("excitation_v", strain.excitation_v.is_some()),
+    ];
+    let of_axial = [
+        ("bridge", strain.bridge.is_some()),
+        ("gain_resistor_ohm", strain.gain_resistor_ohm.is_some()),
+    ];
+    let axial = (
+        "strain",
+        strain.given(),
+        ["n_per_count", "n_per_mv_v"],
+        of_axial,
+    );
+    let bending = strain.bending.as_ref().map(|bending| {
+        let own = [
+            ("bridge", bending.bridge.is_some()),
+            ("gain_resistor_ohm", bending.gain_resistor_ohm.is_some()),
+        ];
+        let names = ["n_m_per_count", "n_m_per_mv_v"];
+        ("strain.bending", bending.given(), names, own)
+    });
+    for (table, given, [per_count, per_mv_v], own) in [Some(axial), bending].into_iter().flatten() {
+        let all = [
+            (per_count, given.per_count),
+            (per_mv_v, given.per_mv_v),
+            ("um_m_per_mv_v", given.um_m_per_mv_v),
+        ];
+        let there: Vec<_> = all
+            .iter()
+            .filter_map(|(name, v)| Some((*name, (*v)?)))
+            .collect();
+        if let [(first, _), (second, value), ..] = there[..] {
+            problems.push(problem(
+                format!("{table}.{second}"),
+                value.to_string(),
+                format!("stands beside {table}.{first}, but one calibration says all"),
+                "keep one of both",
+            ));
+        }
+        if let Some((name, value)) = there.iter().find(|(_, value)| *value == 0.0) {
+            problems.push(problem(
+                format!("{table}.{name}"),
+                value.to_string(),
+                "must not be 0".into(),
+                "write what one unit of the signal stands for; negative if it falls with tension",
+            ));
+        }
+        let own = own.map(|(name, is_there)| (format!("{table}.{name}"), is_there));
+        let shared = |fields: &[(&str, bool)]| -> Vec<(String, bool)> {
+            let named = fields
+                .iter()
+                .map(|(name, there)| (format!("strain.{name}"), *there));
+            named.collect()
+        };
+        let (needed, reason) = match there.first() {
+            None => (
+                [shared(&tube), shared(&gauge), own.to_vec()].concat(),
+                format!(
+                    "is missing, and no {per_count}, {per_mv_v} or um_m_per_mv_v is in its place"
+                ),
+            ),
+            Some(("um_m_per_mv_v", _)) => (
+                shared(&tube),
+                "is missing, and um_m_per_mv_v needs it".to_owned(),
+            ),
+            Some(_) => (Vec::new(), String::new()),
+        };
+        let known = |field: &str, all: &[ChainProblem]| all.iter().any(|p| p.field == *field);
+        for (field, is_there) in needed {
+            if !is_there && !known(&field, &problems) {
+                let remedy = "add it, or give the chain by its calibration";
+                problems.push(problem(field, "none".into(), reason.clone(), remedy));
+            }
+        }
+        if let Some((name, _)) = there.first() {
+            for (field, is_there) in own {
+                if is_there {
+                    let message =
+                        format!("is of gauges and amplifier, but {table}.{name} is there");
+                    problems.push(problem(field, "given".into(), message, "keep one of both"));
+                }
+            }
+        }
+    }
+    problems
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -248,13 +378,19 @@ mod tests {
     fn builtin_files_differ_as_their_names_say() {
         let read = |name| Sensors::builtin(name).unwrap().strain;
         let thesis = read("thesis-10bit");
-        assert_eq!((thesis.adc_bits, thesis.bridge), (10, Bridge::HalfAxial));
+        assert_eq!(
+            (thesis.adc_bits, thesis.bridge),
+            (10, Some(Bridge::HalfAxial))
+        );
         assert!(thesis.bending.is_none());
         let full = read("full-bridge-16bit");
-        assert_eq!((full.adc_bits, full.bridge), (16, Bridge::FullPoisson));
+        assert_eq!(
+            (full.adc_bits, full.bridge),
+            (16, Some(Bridge::FullPoisson))
+        );
         assert!(full.bending.is_none());
         let bending = read("full-bridge-16bit-bending").bending.unwrap();
-        assert_eq!(bending.bridge, Bridge::FullBending);
+        assert_eq!(bending.bridge, Some(Bridge::FullBending));
     }
 
     /// A set with hub accelerometers is the set without them otherwise, and all have the same ones.

@@ -97,10 +97,13 @@ fn strain_counts_are_force_through_bridge_and_converter() {
     let frames = frames_of(&all, 0x110);
     // EA of the tube over half-axial bridge, gain 805 and 10 bit: 27 N a count.
     let chain = sensors().strain;
-    let area = std::f64::consts::PI
-        * chain.tube_wall_m
-        * (chain.tube_outer_diameter_m - chain.tube_wall_m);
-    let newtons_a_count = chain.youngs_modulus_pa * area / (2.1 / 2.0 * 805.0 * 1024.0);
+    let (wall_m, diameter_m) = (
+        chain.tube_wall_m.unwrap(),
+        chain.tube_outer_diameter_m.unwrap(),
+    );
+    let area = std::f64::consts::PI * wall_m * (diameter_m - wall_m);
+    let modulus_pa = chain.youngs_modulus_pa.unwrap();
+    let newtons_a_count = modulus_pa * area / (2.1 / 2.0 * 805.0 * 1024.0);
     for (channel, force_n) in [-300.0, 200.0, 700.0, -800.0].into_iter().enumerate() {
         let (mean, sigma) = moments(frames.iter().map(|frame| f64::from(frame[channel])));
         let error = mean - (512.0 + force_n / newtons_a_count);

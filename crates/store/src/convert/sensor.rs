@@ -2,9 +2,9 @@
 
 use prost::Message as _;
 use sample::{
-    Attitude, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
-    GroundSpeedSample, HubAccelerationSample, ImuSample, LogTime, Measurement, Sample, SourceId,
-    SteerSample, StrainChannel, Wheel, WheelSpeedSample,
+    Attitude, CornerSample, Counts, DeviceTime, FixQuality, GnssAttitude, GnssPosition,
+    GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, LogTime, Measurement,
+    Sample, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
 };
 
 use super::{Emitter, Topic, array, enu_array, narrow, timestamp, vector};
@@ -247,11 +247,14 @@ pub(super) fn strain_of(corner: &CornerSample, device_time: Option<pb::DeviceTim
     let (axle, side) = position(corner.wheel);
     let members = StrainChannel::ALL.into_iter().zip(corner.strain_counts);
     let members = members.filter_map(|(channel, counts)| {
+        let (raw_counts, equivalent_counts, step_counts) = counts_to_proto(counts?);
         Some(pb::StrainMember {
             name: channel.name().to_owned(),
             strain: None,
-            raw_counts: Some(counts?),
+            raw_counts,
             valid: true,
+            equivalent_counts,
+            step_counts,
         })
     });
     pb::Strain {
@@ -272,7 +275,11 @@ fn strain_from_proto(message: &pb::Strain) -> Result<Option<CornerSample>, Messa
     let mut strain_counts = [None; StrainChannel::COUNT];
     for member in entry.members.iter().filter(|member| member.valid) {
         if let Some(channel) = StrainChannel::from_name(&member.name) {
-            strain_counts[channel.index()] = member.raw_counts;
+            strain_counts[channel.index()] = counts_from_proto(
+                member.raw_counts,
+                member.equivalent_counts,
+                member.step_counts,
+            );
         }
     }
     Ok(Some(CornerSample {
@@ -291,17 +298,20 @@ fn first<E: WheelEntry>(entries: &[E]) -> Result<Option<(Wheel, &E)>, MessageErr
 
 pub(super) fn deflection_of(
     wheel: Wheel,
-    counts: i32,
+    counts: Counts,
     device_time: Option<pb::DeviceTime>,
 ) -> pb::Deflection {
     let (axle, side) = position(wheel);
+    let (raw_counts, equivalent_counts, step_counts) = counts_to_proto(counts);
     pb::Deflection {
         wheels: vec![pb::WheelDeflection {
             axle,
             side,
             deflection_m: None,
-            raw_counts: Some(counts),
+            raw_counts,
             valid: true,
+            equivalent_counts,
+            step_counts,
         }],
         device_time,
     }
@@ -313,8 +323,33 @@ fn deflection_from_proto(message: &pb::Deflection) -> Result<Option<CornerSample
     Ok(found.map(|(wheel, entry)| CornerSample {
         wheel,
         strain_counts: [None; StrainChannel::COUNT],
-        deflection_counts: entry.raw_counts.filter(|_| entry.valid),
+        deflection_counts: counts_from_proto(
+            entry.raw_counts,
+            entry.equivalent_counts,
+            entry.step_counts,
+        )
+        .filter(|_| entry.valid),
     }))
+}
+
+/// Counts as sent, or counts of another unit with those of one step of it.
+fn counts_to_proto(counts: Counts) -> (Option<i32>, Option<f64>, Option<f64>) {
+    match counts {
+        Counts::Converter(counts) => (Some(counts), None, None),
+        Counts::Equivalent { counts, step } => (None, Some(counts), (step > 0.0).then_some(step)),
+    }
+}
+
+fn counts_from_proto(
+    raw: Option<i32>,
+    equivalent: Option<f64>,
+    step: Option<f64>,
+) -> Option<Counts> {
+    let equivalent = equivalent.map(|counts| Counts::Equivalent {
+        counts,
+        step: step.unwrap_or(0.0),
+    });
+    raw.map(Counts::Converter).or(equivalent)
 }
 
 fn hub_to_proto(

@@ -327,6 +327,10 @@ pub struct StrainMember {
     /// The source reports the value as valid.
     #[prost(bool, tag = "4")]
     pub valid: bool,
+    #[prost(double, optional, tag = "5")]
+    pub equivalent_counts: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "6")]
+    pub step_counts: ::core::option::Option<f64>,
 }
 impl ::prost::Name for StrainMember {
     const NAME: &'static str = "StrainMember";
@@ -372,6 +376,10 @@ pub struct WheelDeflection {
     /// The source reports the value as valid.
     #[prost(bool, tag = "5")]
     pub valid: bool,
+    #[prost(double, optional, tag = "6")]
+    pub equivalent_counts: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "7")]
+    pub step_counts: ::core::option::Option<f64>,
 }
 impl ::prost::Name for WheelDeflection {
     const NAME: &'static str = "WheelDeflection";

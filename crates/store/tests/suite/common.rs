@@ -6,12 +6,12 @@ use atvrec_store::{
 };
 use math::Random;
 use sample::{
-    Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
-    Estimate, Event, EventKind, FixQuality, ForceFrame, ForceSource, GnssAttitude, GnssPosition,
-    GnssVelocity, GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations, LogTime,
-    LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Road, RoadPlane,
-    RoadRoughness, Rollover, Sample, Severity, Side, Signal, SignalFrame, SourceHealth, SourceId,
-    SteerSample, TyreForce, Wheel, WheelSpeedSample,
+    Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, Counts,
+    DeviceTime, Estimate, Event, EventKind, FixQuality, ForceFrame, ForceSource, GnssAttitude,
+    GnssPosition, GnssVelocity, GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations,
+    LogTime, LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Road,
+    RoadPlane, RoadRoughness, Rollover, Sample, Severity, Side, Signal, SignalFrame, SourceHealth,
+    SourceId, SteerSample, TyreForce, Wheel, WheelSpeedSample,
 };
 
 /// Log clock at the start of the run.
@@ -370,18 +370,36 @@ fn measurements(time: LogTime) -> Vec<Record> {
             time,
             Measurement::Corner(corner(
                 [
-                    Some(0),
+                    Some(0.into()),
                     None,
-                    Some(1023),
-                    Some(i32::MIN),
-                    None,
-                    Some(i32::MAX),
+                    Some(1023.into()),
+                    Some(i32::MIN.into()),
+                    Some(Counts::Equivalent {
+                        counts: -32_768.25,
+                        step: 0.5,
+                    }),
+                    Some(i32::MAX.into()),
                     None,
                 ],
                 None,
             )),
         ),
-        sample(1, time, Measurement::Corner(corner([None; 7], Some(512)))),
+        sample(
+            1,
+            time,
+            Measurement::Corner(corner([None; 7], Some(512.into()))),
+        ),
+        sample(
+            1,
+            time,
+            Measurement::Corner(corner(
+                [None; 7],
+                Some(Counts::Equivalent {
+                    counts: 511.75,
+                    step: 0.0,
+                }),
+            )),
+        ),
         sample(
             1,
             time,

@@ -1,6 +1,8 @@
 //! What the columns of a table hold, and in which units.
 
-use sample::{STANDARD_GRAVITY_M_S2, StrainChannel, Wheel};
+use sample::{StrainChannel, Wheel};
+
+use crate::unit::Dimension;
 
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -69,27 +71,6 @@ pub enum Truth {
     Pitch,
     /// Force of the ground on a tyre along x, y or z of its contact frame.
     Force(Wheel, usize),
-}
-
-/// What kind of unit a quantity has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dimension {
-    /// m/s^2.
-    Acceleration,
-    /// rad/s.
-    AngularRate,
-    /// rad.
-    Angle,
-    /// m/s.
-    Speed,
-    /// m.
-    Length,
-    /// N.
-    Force,
-    /// Converter counts.
-    Counts,
-    /// Whatever the file says.
-    Free,
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -234,74 +215,5 @@ impl Truth {
             Self::Pitch => "pitch".to_owned(),
             Self::Force(wheel, axis) => format!("force_{}.{}", AXES[axis], wheel.abbreviation()),
         }
-    }
-}
-
-impl Dimension {
-    /// Units by name, with the factor that takes them to SI.
-    #[must_use]
-    pub fn units(self) -> &'static [(&'static str, f64)] {
-        const DEGREE: f64 = std::f64::consts::PI / 180.0;
-        const TURN: f64 = std::f64::consts::TAU;
-        match self {
-            Self::Acceleration => &[("m/s^2", 1.0), ("m/s2", 1.0), ("g", STANDARD_GRAVITY_M_S2)],
-            Self::AngularRate => &[
-                ("rad/s", 1.0),
-                ("deg/s", DEGREE),
-                ("rpm", TURN / 60.0),
-                ("rev/s", TURN),
-            ],
-            Self::Angle => &[("rad", 1.0), ("deg", DEGREE)],
-            Self::Speed => &[
-                ("m/s", 1.0),
-                ("km/h", 1.0 / 3.6),
-                ("mph", 0.447_04),
-                ("kn", 1852.0 / 3600.0),
-            ],
-            Self::Length => &[("m", 1.0), ("mm", 1e-3), ("ft", 0.3048)],
-            Self::Force => &[("N", 1.0), ("kN", 1000.0), ("lbf", 4.448_221_615_260_5)],
-            Self::Counts => &[("counts", 1.0)],
-            Self::Free => &[],
-        }
-    }
-
-    /// The unit that a text in a units row means, with its factor; `None` if the text is not clear.
-    #[must_use]
-    pub fn unit_of_text(self, text: &str) -> Option<(&'static str, f64)> {
-        let plain = text
-            .trim_matches(|c: char| c.is_whitespace() || "[](){}".contains(c))
-            .to_lowercase()
-            .replace('²', "^2")
-            .replace("**", "^")
-            .replace('°', "deg")
-            .replace(' ', "");
-        let plain = match plain.as_str() {
-            "kph" | "kmh" | "kmph" => "km/h",
-            "knots" | "kt" | "kts" => "kn",
-            "degrees" | "degree" => "deg",
-            "radians" | "radian" => "rad",
-            "degs" | "deg/sec" | "dps" => "deg/s",
-            "rad/sec" => "rad/s",
-            "1/min" | "min^-1" => "rpm",
-            "m/sec" | "mps" => "m/s",
-            "m/s/s" | "m/sec^2" | "mps2" => "m/s^2",
-            "metres" | "meters" => "m",
-            "gs" => "g",
-            other => other,
-        };
-        self.units()
-            .iter()
-            .find(|(name, _)| name.to_lowercase() == plain)
-            .copied()
-    }
-
-    /// Factor that takes `unit` to SI.
-    #[must_use]
-    pub fn factor(self, unit: &str) -> Option<f64> {
-        if self == Self::Free {
-            return Some(1.0);
-        }
-        let found = self.units().iter().find(|(name, _)| *name == unit);
-        found.map(|(_, factor)| *factor)
     }
 }

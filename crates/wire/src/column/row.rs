@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use sample::{
-    ControlSample, CornerSample, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
+    ControlSample, CornerSample, Counts, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
     GroundSpeedSample, ImuSample, Measurement, PerWheel, Signal, SteerSample, StrainChannel, Wheel,
     WheelSpeedSample,
 };
@@ -30,6 +30,16 @@ pub fn measurements(values: &[(&Column, f64)]) -> Vec<(f64, Measurement)> {
         all.extend(row.finish(ecef).into_iter().map(|m| (latency_s, m)));
     }
     all
+}
+
+/// The measurements that these values make, SI, all of one instant.
+#[must_use]
+pub fn of_values(values: BTreeMap<Quantity, f64>) -> Vec<Measurement> {
+    let row = Row {
+        values,
+        signals: Vec::new(),
+    };
+    row.finish(None)
 }
 
 /// The earth-centred position of a row, whatever its latency: it gives the directions of an
@@ -195,7 +205,10 @@ impl Row {
     }
 
     fn corner(&self, wheel: Wheel) -> Option<Measurement> {
-        let counts = |quantity| self.get(quantity).map(|value| value.round() as i32);
+        let counts = |quantity| {
+            self.get(quantity)
+                .map(|value| Counts::Converter(value.round() as i32))
+        };
         let strain_counts = StrainChannel::ALL.map(|c| counts(Quantity::Strain(wheel, c)));
         let deflection_counts = counts(Quantity::Deflection(wheel));
         let any = deflection_counts.is_some() || strain_counts.iter().any(Option::is_some);

@@ -150,7 +150,7 @@ pub(super) fn faults_of(chain: &Channel, said: &Said<'_>, expected: [f64; 2]) ->
     let Some(rest) = said.hanging else {
         return vec![FaultKind::Silent];
     };
-    let full = f64::from(chain.counts_max) + 1.0;
+    let full = chain.counts_max + 1.0;
     if rest.saturated > SATURATED {
         let dead = rest.mean < 0.5 * full;
         return vec![if dead {
@@ -209,7 +209,7 @@ fn wiring(
     let found = standing.mean - hanging.mean;
     let bending = FaultKind::Bending { expected, found };
     let room = if expected > 0.0 {
-        f64::from(chain.counts_max) - hanging.mean
+        chain.counts_max - hanging.mean
     } else {
         hanging.mean
     };
