@@ -327,8 +327,10 @@ pub struct StrainMember {
     /// The source reports the value as valid.
     #[prost(bool, tag = "4")]
     pub valid: bool,
+    /// Counts of the chain in the sensors file, if the source sends another unit.
     #[prost(double, optional, tag = "5")]
     pub equivalent_counts: ::core::option::Option<f64>,
+    /// Counts of one step of the value as sent; absent for a floating-point number.
     #[prost(double, optional, tag = "6")]
     pub step_counts: ::core::option::Option<f64>,
 }
@@ -376,8 +378,10 @@ pub struct WheelDeflection {
     /// The source reports the value as valid.
     #[prost(bool, tag = "5")]
     pub valid: bool,
+    /// Counts of the potentiometer in the sensors file, if the source sends another unit.
     #[prost(double, optional, tag = "6")]
     pub equivalent_counts: ::core::option::Option<f64>,
+    /// Counts of one step of the value as sent; absent for a floating-point number.
     #[prost(double, optional, tag = "7")]
     pub step_counts: ::core::option::Option<f64>,
 }
