@@ -70,3 +70,5 @@ pub fn simulate<E: From<Error>>(
 mod late_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod unit_tests;
