@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use acq::SourceKind;
 use estimator::calibration::hub::WrongAxes;
-use sample::{LogTime, Measurement, PerWheel, Sample, Wheel};
+use sample::{HubAccelerationSample, LogTime, Measurement, PerWheel, Sample, SourceId, Wheel};
 use sim::Port;
 use store::Record;
 
@@ -30,6 +30,8 @@ const STEER: &str = "steer.rate_hz or steer_potentiometers.rate_hz";
 pub struct Listened {
     rates: BTreeMap<&'static str, Rate>,
     hubs: PerWheel<[Mean; 3]>,
+    /// Specific force of each inertial unit.
+    units: BTreeMap<SourceId, [Mean; 3]>,
     values: Values,
 }
 
@@ -77,7 +79,16 @@ impl Listened {
             }
             Measurement::Steer(_) => came(STEER),
             Measurement::WheelSpeed(_) => came("wheel_speed.rate_hz"),
-            Measurement::Imu(_) => came("imu.rate_hz"),
+            Measurement::Imu(imu) => {
+                came("imu.rate_hz");
+                let unit = self.units.entry(sample.source).or_default();
+                for (mean, value) in unit.iter_mut().zip(imu.specific_force_m_s2) {
+                    if value.is_finite() {
+                        mean.sum += value;
+                        mean.count += 1.0;
+                    }
+                }
+            }
             Measurement::HubAcceleration(hub) => {
                 if hub.wheel == Wheel::FrontLeft {
                     came("hub_acceleration.rate_hz");
@@ -127,6 +138,13 @@ impl Listened {
         for (field, told_hz) in told {
             let found_hz = self.rates.get(field).and_then(Rate::hz);
             match (found_hz, told_hz) {
+                (Some(_), Some(told)) if told == 0.0 => {
+                    let table = field.split('.').next().unwrap_or_default();
+                    warnings.push(format!(
+                        "readings of {table} arrive, but the sensors file has no table [{table}]; add it, \
+                         because values and noise of the readings follow from it"
+                    ));
+                }
                 (Some(found), Some(told)) if (found / told - 1.0).abs() > RATE_TOLERANCE => {
                     warnings.push(format!(
                         "{field} of the sensors file is {told} Hz, but {found:.0} messages a second \
@@ -142,13 +160,47 @@ impl Listened {
             }
         }
         for wheel in Wheel::ALL {
-            let mean = self.hubs[wheel].map(|m| (m.count > 0.0).then(|| m.sum / m.count));
+            let mean = self.hubs[wheel].map(Mean::value);
             if let Some(wrong) = WrongAxes::find(wheel, mean) {
                 let corner = wheel.abbreviation();
                 warnings.push(format!("hub accelerometer {corner}: {wrong}"));
             }
         }
+        warnings.extend(self.turned_units(config));
         warnings
+    }
+
+    /// Inertial units on which gravity does not show upward on z.
+    fn turned_units(&self, config: &Config) -> Vec<String> {
+        let turned = self.units.iter().filter_map(|(id, means)| {
+            let wrong = WrongAxes::find(Wheel::FrontLeft, means.map(Mean::value))?;
+            let source = config.sources.iter().find(|source| source.spec.id == *id)?;
+            let remedy = match source.meaning {
+                Meaning::Can(_) => {
+                    "give the roles acceleration and rate the signals of the axes that point forward, left \
+                     and up (a minus before a signal turns its sign)"
+                }
+                _ => "mount it with x forward, y to the left and z up",
+            };
+            let name = &source.spec.name;
+            let axis = HubAccelerationSample::AXES[wrong.axis];
+            let z = means[2].value().map_or_else(
+                || "is not measured".to_owned(),
+                |z| format!("reads {z:.1} m/s^2"),
+            );
+            Some(format!(
+                "source {name}: the inertial unit's z axis {z}, the largest mean is {:.1} m/s^2 on {axis} \
+                 instead of +9.8 m/s^2 on z; {remedy}",
+                wrong.value_m_s2
+            ))
+        });
+        turned.collect()
+    }
+}
+
+impl Mean {
+    fn value(self) -> Option<f64> {
+        (self.count > 0.0).then(|| self.sum / self.count)
     }
 }
 
@@ -202,7 +254,7 @@ pub fn bus_warnings(config: &Config) -> Vec<String> {
 mod tests {
     use std::path::Path;
 
-    use sample::{HubAccelerationSample, SourceId};
+    use sample::ImuSample;
 
     use super::*;
 
@@ -249,6 +301,44 @@ mod tests {
             turned[0].contains("FR: gravity shows as 9.7 m/s^2 on x"),
             "{turned:?}"
         );
+    }
+
+    /// An inertial unit with gravity on an axis, at rest.
+    fn with_unit(axis: usize, sensors: &str) -> Vec<String> {
+        let mut listened = Listened::default();
+        for k in 0..200 {
+            let time = LogTime(0).offset_seconds(0.01 * f64::from(k));
+            let mut imu = ImuSample::default();
+            imu.specific_force_m_s2 = [0.1; 3];
+            imu.specific_force_m_s2[axis] = 9.8;
+            listened.push(&Record::Sample(Sample {
+                source: SourceId(0),
+                log_time: time,
+                valid_time: time,
+                device_time: None,
+                measurement: Measurement::Imu(imu),
+            }));
+        }
+        let text = format!(
+            "[source.bus]\nkind = \"can\"\ninterface = \"can0\"\n\
+             [vehicle]\nfile = \"prowler\"\nsensors = \"{sensors}\"\n"
+        );
+        let directory = tempfile::tempdir().expect("a directory");
+        std::fs::write(directory.path().join("none.toml"), "name = \"none\"\n").expect("written");
+        let config = Config::from_text(&text, directory.path()).expect("a configuration");
+        listened.warnings(&config)
+    }
+
+    #[test]
+    fn an_inertial_unit_that_is_turned_or_not_in_the_sensors_file_is_named() {
+        assert_eq!(with_unit(2, "thesis-10bit"), [""; 0]);
+        let turned = with_unit(0, "thesis-10bit");
+        assert_eq!(turned.len(), 1, "{turned:?}");
+        let told = "source bus: the inertial unit's z axis reads 0.1 m/s^2, the largest mean is 9.8 m/s^2 on x";
+        assert!(turned[0].contains(told), "{turned:?}");
+        let unknown = with_unit(2, "none.toml");
+        assert_eq!(unknown.len(), 1, "{unknown:?}");
+        assert!(unknown[0].contains("has no table [imu]"), "{unknown:?}");
     }
 
     #[test]

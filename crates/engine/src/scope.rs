@@ -14,13 +14,18 @@ pub fn limits(config: &Config) -> Vec<String> {
         return Vec::new();
     };
     let mut lines: Vec<String> = of_vehicle(&estimator.vehicle).into_iter().collect();
-    if lines.is_empty() && !has_strain(config) {
-        lines.push(
-            "tyre forces are not measured on the suspension, because no source has a strain channel \
-             (roles.strain of a bus, or strain columns of a table); they follow from the inertial unit and \
-             from potentiometers where there are any"
-                .to_owned(),
-        );
+    let missing = if estimator.sensors.strain.is_not_fitted() {
+        Some("the sensors file has no table [strain]")
+    } else if !has_strain(config) {
+        Some("no source has a strain channel (roles.strain of a bus, or strain columns of a table)")
+    } else {
+        None
+    };
+    if let Some(missing) = missing.filter(|_| lines.is_empty()) {
+        lines.push(format!(
+            "tyre forces are not measured on the suspension, because {missing}; they follow from the inertial \
+             unit and from potentiometers where there are any"
+        ));
     }
     lines
 }

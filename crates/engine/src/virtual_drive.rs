@@ -73,6 +73,8 @@ pub struct VirtualDrive {
     can_bit_rate: u32,
     /// Latencies of the messages on the bus, s, by identifier.
     can_latencies_s: Vec<(u32, f64)>,
+    /// Ports of devices that are not fitted.
+    not_fitted: Vec<Port>,
     seed: u64,
     duration_s: f64,
 }
@@ -125,6 +127,14 @@ impl VirtualDrive {
             given,
             can_bit_rate: options.can_bit_rate(&sensors),
             can_latencies_s: sim::frame_latencies_s(&sensors, &options),
+            not_fitted: [
+                (Port::Imu, sensors.imu.is_not_fitted()),
+                (Port::Novatel, sensors.gnss_velocity.is_not_fitted()),
+                (Port::Septentrio, sensors.gnss_attitude.is_not_fitted()),
+            ]
+            .into_iter()
+            .filter_map(|(port, is_absent)| is_absent.then_some(port))
+            .collect(),
             options,
             seed: drive.seed,
             duration_s,
@@ -199,6 +209,9 @@ impl VirtualDrive {
             "# Sources of the virtual vehicle. docs/configuration.md describes every field.\n\n",
         );
         let mut table = |name: Port, lines: &[(&str, String)]| {
+            if self.not_fitted.contains(&name) {
+                return;
+            }
             let _ = writeln!(text, "[source.{}]", name.name());
             for (key, value) in lines {
                 let _ = writeln!(text, "{key} = {value}");

@@ -13,23 +13,30 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::strain::{ChannelScale, full_scale, largest_count};
 
-/// All sensors of a vehicle.
+/// All sensors of a vehicle. A table that the file does not have is of a device that is not fitted: it sends 0
+/// messages a second.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensors {
     /// Name, for people.
     pub name: String,
     /// Strain bridges.
+    #[serde(default, skip_serializing_if = "StrainChain::is_not_fitted")]
     pub strain: StrainChain,
     /// Spring potentiometers.
+    #[serde(default, skip_serializing_if = "Potentiometers::is_not_fitted")]
     pub deflection: Potentiometers,
     /// Inertial unit.
+    #[serde(default, skip_serializing_if = "Imu::is_not_fitted")]
     pub imu: Imu,
     /// Velocity receiver.
+    #[serde(default, skip_serializing_if = "GnssVelocity::is_not_fitted")]
     pub gnss_velocity: GnssVelocity,
     /// Attitude receiver.
+    #[serde(default, skip_serializing_if = "GnssAttitude::is_not_fitted")]
     pub gnss_attitude: GnssAttitude,
     /// Wheel-speed pick-ups.
+    #[serde(default, skip_serializing_if = "WheelSpeed::is_not_fitted")]
     pub wheel_speed: WheelSpeed,
     /// Steering-wheel encoder, if that measures the steering wheel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -44,6 +51,78 @@ pub struct Sensors {
     /// The bus that carries strain, deflection, wheel speeds, steering and hub accelerations.
     #[serde(default)]
     pub bus: Bus,
+}
+
+/// A device that the file does not have: its rate is 0, and its other values are those of common devices.
+macro_rules! not_fitted {
+    ($($device:ident { $($field:ident: $value:expr),* $(,)? })*) => {$(
+        impl Default for $device {
+            fn default() -> Self {
+                Self { rate_hz: 0.0, $($field: $value),* }
+            }
+        }
+
+        impl $device {
+            /// Whether the vehicle does not have the device.
+            #[must_use]
+            pub fn is_not_fitted(&self) -> bool {
+                self.rate_hz == 0.0
+            }
+        }
+    )*};
+}
+
+not_fitted! {
+    StrainChain {
+        tube_outer_diameter_m: None,
+        tube_wall_m: None,
+        youngs_modulus_pa: None,
+        poisson_ratio: None,
+        gauge_factor: None,
+        excitation_v: None,
+        bridge: None,
+        gain_resistor_ohm: None,
+        n_per_count: None,
+        n_per_mv_v: None,
+        um_m_per_mv_v: None,
+        amplifier: Amplifier::default(),
+        bending: None,
+        lag_hz: 20.0,
+        adc_bits: 16,
+        noise_counts: 1.0,
+        zero_error_counts: 1.0,
+    }
+    Potentiometers {
+        span_m: 1.0,
+        adc_bits: 16,
+        noise_counts: 1.0,
+        zero_error_counts: 1.0,
+        excitation_v: None,
+    }
+    Imu {
+        position_m: [0.0; 3],
+        misalignment_rad: [0.0; 3],
+        accel_noise_m_s2: 0.03,
+        gyro_noise_rad_s: 0.005,
+        accel_bias_m_s2: 0.05,
+        gyro_bias_rad_s: 0.005,
+    }
+    GnssVelocity {
+        antenna_m: [0.0; 3],
+        velocity_noise_m_s: 0.03,
+        position_noise_m: 1.5,
+        latency_s: 0.0,
+        averaging_s: 0.0,
+    }
+    GnssAttitude {
+        antenna_m: [0.0; 3],
+        heading_noise_rad: 0.005,
+        roll_pitch_noise_rad: 0.01,
+        latency_s: 0.0,
+    }
+    WheelSpeed {
+        noise_fraction: 0.005,
+    }
 }
 
 /// The CAN bus of the sensors.

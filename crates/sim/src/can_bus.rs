@@ -292,11 +292,12 @@ pub(crate) struct Ticker {
 impl Ticker {
     pub(crate) fn new(name: &str, rate_hz: f64) -> Result<Self, SimError> {
         Ok(Self {
-            period_s: period_s(name, rate_hz)?,
+            period_s: period_if_fitted_s(name, rate_hz)?,
             count: 0,
         })
     }
 
+    /// The next instant, s; not a number for a device that is not fitted.
     pub(crate) fn next_s(&self) -> f64 {
         self.count as f64 * self.period_s
     }
@@ -307,6 +308,14 @@ impl Ticker {
         self.count += u64::from(due);
         due
     }
+}
+
+/// The interval of a device's messages; infinite for a device that is not fitted, whose rate is 0.
+pub(crate) fn period_if_fitted_s(name: &str, rate_hz: f64) -> Result<f64, SimError> {
+    if rate_hz == 0.0 {
+        return Ok(f64::INFINITY);
+    }
+    period_s(name, rate_hz)
 }
 
 /// The interval of a message rate.

@@ -25,7 +25,8 @@ pub(crate) struct Corner {
     strut_design_length_m: Option<f64>,
     strain: [Option<Channel>; StrainChannel::COUNT],
     strain_noise_counts: f64,
-    pot: ChannelScale,
+    /// Absent if no potentiometer is fitted.
+    pot: Option<ChannelScale>,
     pot_offset_counts: f64,
     pot_noise_counts: f64,
     noise: Noise,
@@ -76,7 +77,9 @@ impl Corner {
             strut_design_length_m: axle.strut.as_ref().map(|strut| strut.design_length_m),
             strain: [const { None }; StrainChannel::COUNT],
             strain_noise_counts: sensors.strain.noise_counts,
-            pot: potentiometer_scale("deflection", &sensors.deflection)?,
+            pot: (!sensors.deflection.is_not_fitted())
+                .then(|| potentiometer_scale("deflection", &sensors.deflection))
+                .transpose()?,
             pot_offset_counts,
             pot_noise_counts: sensors.deflection.noise_counts,
             noise,
@@ -91,7 +94,9 @@ impl Corner {
                 channel,
                 StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending
             );
-            let scale = if bends {
+            let scale = if sensors.strain.is_not_fitted() {
+                None
+            } else if bends {
                 sensors.strain.bending_scale()?
             } else {
                 Some(sensors.strain.axial_scale()?)
@@ -123,7 +128,7 @@ impl Corner {
         let zero = |channel: &Channel| channel.scale.zero_counts + channel.offset_counts;
         (
             std::array::from_fn(|i| self.strain[i].as_ref().map(zero)),
-            self.pot.zero_counts + self.pot_offset_counts,
+            self.pot.map_or(0.0, |pot| pot.zero_counts) + self.pot_offset_counts,
         )
     }
 
@@ -158,8 +163,9 @@ impl Corner {
         if compression_m.is_nan() {
             return None;
         }
-        let level = self.pot.level(compression_m) + self.pot_offset_counts + error;
-        Some(self.convert(None, self.pot, level, state.time_s))
+        let pot = self.pot?;
+        let level = pot.level(compression_m) + self.pot_offset_counts + error;
+        Some(self.convert(None, pot, level, state.time_s))
     }
 
     /// Converts a level, with the faults that the channel (`None`: potentiometer) has now.

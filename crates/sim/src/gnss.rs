@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use wire::geodesy::Geodetic;
 use wire::gps_time::MILLISECONDS_PER_WEEK;
 
-use crate::can_bus::period_s;
+use crate::can_bus::period_if_fitted_s;
 use crate::emission::{Emission, Output, Port};
 use crate::hidden::Hidden;
 use crate::random::Noise;
@@ -159,7 +159,7 @@ impl Novatel {
             noise,
             noise_line: Noise::new(seed, "novatel line"),
             line: SerialLine::new(options.novatel_baud),
-            period_s: period_s("gnss_velocity.rate_hz", gnss.rate_hz)?,
+            period_s: period_if_fitted_s("gnss_velocity.rate_hz", gnss.rate_hz)?,
             count: 0,
             end_s: motion.duration_s(),
         }))
@@ -201,7 +201,7 @@ impl Septentrio {
     ) -> Result<Self, SimError> {
         let gnss = &sensors.gnss_attitude;
         let mut noise = Noise::new(seed, "septentrio");
-        let period_s = period_s("gnss_attitude.rate_hz", gnss.rate_hz)?;
+        let period_s = period_if_fitted_s("gnss_attitude.rate_hz", gnss.rate_hz)?;
         Ok(Self {
             receiver: Receiver {
                 antenna_m: gnss.antenna_m,

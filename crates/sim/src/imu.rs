@@ -3,7 +3,7 @@
 use model::sensors::Sensors;
 use nalgebra::{Rotation3, Vector3};
 
-use crate::can_bus::period_s;
+use crate::can_bus::period_if_fitted_s;
 use crate::emission::{Emission, Output, Port};
 use crate::faults::{ImuFault, ImuFaultKind};
 use crate::random::Noise;
@@ -55,7 +55,8 @@ impl Imu {
             noise_fault: Noise::new(seed, "imu faults"),
             frozen: [0.0; 6],
             line: SerialLine::new(options.imu_baud),
-            period_s: period_s("imu.rate_hz", imu.rate_hz)? / (1.0 + options.imu_clock_ppm * 1e-6),
+            period_s: period_if_fitted_s("imu.rate_hz", imu.rate_hz)?
+                / (1.0 + options.imu_clock_ppm * 1e-6),
             nominal_period_s: 1.0 / imu.rate_hz,
             device: options.inertial_unit,
             count: 0,
@@ -71,7 +72,8 @@ impl Imu {
     /// The next packet; none at the end.
     pub(crate) fn produce(&mut self, motion: &Motion) -> Option<Emission> {
         let time_s = self.count as f64 * self.period_s;
-        if time_s > self.end_s {
+        // Not a number for a unit that is not fitted.
+        if time_s.is_nan() || time_s > self.end_s {
             return None;
         }
         let state = motion.at(time_s);

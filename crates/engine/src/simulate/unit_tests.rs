@@ -150,8 +150,8 @@ impl Recoder {
     }
 }
 
-fn drive() -> VirtualDrive {
-    VirtualDrive::new(&Drive {
+fn slow_sine() -> Drive {
+    Drive {
         course: Course::Manoeuvre("slow-sine".to_owned()),
         road: None,
         vehicle: FileSource::Path("prowler".into()),
@@ -160,15 +160,14 @@ fn drive() -> VirtualDrive {
         seed: 11,
         options: Options::default(),
         duration_s: None,
-    })
-    .expect("a drive")
+    }
 }
 
 /// The forces of a drive; with a recoder, of its signals in other units.
 fn forces(mut recoder: Option<Recoder>) -> BTreeMap<LogTime, [[f64; 3]; 4]> {
     let directory = tempfile::tempdir().expect("a directory");
     std::fs::write(directory.path().join("other.dbc"), other_dbc()).expect("written");
-    let mut simulated = drive();
+    let mut simulated = VirtualDrive::new(&slow_sine()).expect("a drive");
     let ports = Ports {
         directory: Path::new("virtual"),
         can: Some("can0"),
@@ -192,15 +191,12 @@ fn forces(mut recoder: Option<Recoder>) -> BTreeMap<LogTime, [[f64; 3]; 4]> {
             .filter(|line| !line.starts_with("SteerRods") && !line.starts_with("Hub_"))
             .map(|line| format!("{line}\n"))
             .collect();
-        for axis in ["x", "y", "z"] {
-            let _ = write!(
-                text,
-                "[source.can0.roles.acceleration]\n{axis} = \"Force.{axis}\"\n"
-            );
+        for (role, message) in [("acceleration", "Force"), ("rate", "Rate")] {
+            let _ = writeln!(text, "[source.can0.roles.{role}]");
+            for axis in ["x", "y", "z"] {
+                let _ = writeln!(text, "{axis} = \"{message}.{axis}\"");
+            }
         }
-        text = text.replacen("[source.can0.roles.acceleration]\ny", "y", 1);
-        text = text.replacen("[source.can0.roles.acceleration]\nz", "z", 1);
-        text += "[source.can0.roles.rate]\nx = \"Rate.x\"\ny = \"Rate.y\"\nz = \"Rate.z\"\n";
     }
     let mut config = Config::from_text(&text, directory.path()).expect("a configuration");
     let settings = config.estimator.as_mut().expect("an estimator");
@@ -251,6 +247,65 @@ fn forces(mut recoder: Option<Recoder>) -> BTreeMap<LogTime, [[f64; 3]; 4]> {
         }
     }
     found
+}
+
+/// Without tables of strain, attitude and wheel speeds the vehicle is driven and its motion is estimated.
+#[test]
+fn a_vehicle_without_some_devices_is_driven_and_estimated() {
+    let text = Sensors::builtin_text("thesis-10bit").expect("built in");
+    let mut kept = String::new();
+    let mut is_kept = true;
+    for line in text.lines() {
+        if let Some(table) = line.strip_prefix('[') {
+            let dropped = ["strain", "gnss_attitude", "wheel_speed"];
+            is_kept = !dropped.iter().any(|name| table.starts_with(name));
+        }
+        if is_kept {
+            kept += &format!("{line}\n");
+        }
+    }
+    let mut simulated = VirtualDrive::new(&Drive {
+        sensors: FileSource::Text(kept),
+        duration_s: Some(20.0),
+        ..slow_sine()
+    })
+    .expect("a drive");
+    let config = simulated.config().expect("a configuration");
+    let names: Vec<&str> = config
+        .sources
+        .iter()
+        .map(|s| s.spec.name.as_str())
+        .collect();
+    assert!(
+        names.contains(&"imu") && !names.contains(&"septentrio"),
+        "{names:?}"
+    );
+    let limits = crate::scope::limits(&config);
+    assert!(limits[0].contains("has no table [strain]"), "{limits:?}");
+    let (mut estimates, mut corners, mut strains, mut others) = (0, 0, 0, 0);
+    let end = simulated.start().offset_seconds(15.0);
+    simulate(&mut simulated, &config, |entry| {
+        match entry {
+            Entry::Record(Record::Estimate(estimate)) if estimate.time > end => {
+                let speed = estimate.motion.velocity_x_m_s;
+                assert!((5.0..10.0).contains(&speed), "{speed}");
+                estimates += 1;
+            }
+            Entry::Record(Record::Sample(sample)) => match sample.measurement {
+                Measurement::Corner(corner) => {
+                    corners += u32::from(corner.deflection_counts.is_some());
+                    strains += u32::from(corner.strain_counts.iter().any(Option::is_some));
+                }
+                Measurement::WheelSpeed(_) | Measurement::GnssAttitude(_) => others += 1,
+                _ => {}
+            },
+            _ => {}
+        }
+        Ok::<_, Error>(())
+    })
+    .expect("a simulation");
+    assert!(estimates > 400 && corners > 7000, "{estimates} {corners}");
+    assert_eq!((strains, others), (0, 0));
 }
 
 #[test]

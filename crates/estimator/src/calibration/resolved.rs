@@ -327,7 +327,7 @@ fn corner(
     let deflection = resolve(
         &format!("corner.{}.deflection", wheel_key(wheel)),
         given.map(|c| c.deflection),
-        Some(pot.span_m / full_scale(pot.adc_bits)),
+        (!pot.is_not_fitted()).then(|| pot.span_m / full_scale(pot.adc_bits)),
         full_scale(pot.adc_bits),
         pot.noise_counts,
         pot.zero_error_counts,

@@ -117,6 +117,9 @@ fn comments(sources: &[&str], structure: &str) -> BTreeMap<String, Comment> {
                 "Drivetrain" => &inline(&Drivetrain::default()),
                 "Amplifier" => &inline(&Amplifier::default()),
                 "Bus" => &inline(&Bus::default()),
+                "StrainChain" | "Potentiometers" | "Imu" | "GnssVelocity" | "GnssAttitude"
+                | "WheelSpeed" => "not fitted",
+                "u8" => "16",
                 kind => panic!("{kind} has no default value here"),
             };
             let comment = Comment {

@@ -1,8 +1,10 @@
 //! Reading sensors files, and those that ship with the project.
 
+mod chain;
+
 use std::path::Path;
 
-use super::{Sensors, StrainChain};
+use super::Sensors;
 use crate::Error;
 use crate::file::FileErrors;
 use crate::file::rules::Kind::{Choice, Choices, Integer, Number, Table, Text, Vector};
@@ -60,12 +62,12 @@ pub(crate) const SECTIONS: &[TableRules] = &[
         tables: &[""],
         rules: &[
             must("name", Text),
-            must("strain", Table),
-            must("deflection", Table),
-            must("imu", Table),
-            must("gnss_velocity", Table),
-            must("gnss_attitude", Table),
-            must("wheel_speed", Table),
+            may("strain", Table),
+            may("deflection", Table),
+            may("imu", Table),
+            may("gnss_velocity", Table),
+            may("gnss_attitude", Table),
+            may("wheel_speed", Table),
             may("steer", Table),
             may("steer_potentiometers", Table),
             may("hub_acceleration", Table),
@@ -195,7 +197,7 @@ impl Sensors {
     /// All mistakes at once, each with its line, field, value and remedy.
     pub fn from_toml(text: &str, path: impl AsRef<Path>) -> Result<Self, SensorsErrors> {
         let mut checked: Checked<Self> = rules::read(text, path.as_ref(), SECTIONS)?;
-        for problem in chain_problems(&checked.value.strain) {
+        for problem in chain::problems(&checked.value.strain) {
             checked.note(
                 &problem.field,
                 problem.value,
@@ -204,12 +206,12 @@ impl Sensors {
             );
         }
         let (encoder, rods) = (&checked.value.steer, &checked.value.steer_potentiometers);
-        if encoder.is_some() == rods.is_some() {
-            let which = if rods.is_some() { "both" } else { "none" };
+        if encoder.is_some() && rods.is_some() {
             checked.note(
                 "steer",
-                which.to_owned(),
-                format!("there must be one of the tables [steer] and [steer_potentiometers], not {which}"),
+                "both".to_owned(),
+                "there must be one of the tables [steer] and [steer_potentiometers], not both"
+                    .into(),
                 "keep the table of the device that measures the steering wheel".into(),
             );
         }
@@ -242,131 +244,6 @@ impl Sensors {
         })?;
         Ok(Self::from_toml(text, format!("{name}.toml"))?)
     }
-}
-
-/// A mistake that shows only between the fields of the strain chain.
-struct ChainProblem {
-    field: String,
-    value: String,
-    message: String,
-    remedy: String,
-}
-
-/// What is wrong between the fields of a strain chain: it is given by its gauges and amplifier, or by its
-/// calibration.
-fn chain_problems(strain: &StrainChain) -> Vec<ChainProblem> {
-    let problem = |field: String, value: String, message: String, remedy: &str| ChainProblem {
-        field,
-        value,
-        message,
-        remedy: remedy.to_owned(),
-    };
-    let mut problems = Vec::new();
-    if let (Some(wall), Some(diameter)) = (strain.tube_wall_m, strain.tube_outer_diameter_m)
-        && 2.0 * wall > diameter
-    {
-        problems.push(problem(
-            "strain.tube_wall_m".into(),
-            wall.to_string(),
-            format!("is more than half the tube's diameter of {diameter} m"),
-            "check its unit",
-        ));
-    }
-    let tube = [
-        (
-            "tube_outer_diameter_m",
-            strain.tube_outer_diameter_m.is_some(),
-        ),
-        ("tube_wall_m", strain.tube_wall_m.is_some()),
-        ("youngs_modulus_pa", strain.youngs_modulus_pa.is_some()),
-    ];
-    let gauge = [
-        ("poisson_ratio", strain.poisson_ratio.is_some()),
-        ("gauge_factor", strain.gauge_factor.is_some()),
-        ("excitation_v", strain.excitation_v.is_some()),
-    ];
-    let of_axial = [
-        ("bridge", strain.bridge.is_some()),
-        ("gain_resistor_ohm", strain.gain_resistor_ohm.is_some()),
-    ];
-    let axial = (
-        "strain",
-        strain.given(),
-        ["n_per_count", "n_per_mv_v"],
-        of_axial,
-    );
-    let bending = strain.bending.as_ref().map(|bending| {
-        let own = [
-            ("bridge", bending.bridge.is_some()),
-            ("gain_resistor_ohm", bending.gain_resistor_ohm.is_some()),
-        ];
-        let names = ["n_m_per_count", "n_m_per_mv_v"];
-        ("strain.bending", bending.given(), names, own)
-    });
-    for (table, given, [per_count, per_mv_v], own) in [Some(axial), bending].into_iter().flatten() {
-        let all = [
-            (per_count, given.per_count),
-            (per_mv_v, given.per_mv_v),
-            ("um_m_per_mv_v", given.um_m_per_mv_v),
-        ];
-        let there: Vec<_> = all
-            .iter()
-            .filter_map(|(name, v)| Some((*name, (*v)?)))
-            .collect();
-        if let [(first, _), (second, value), ..] = there[..] {
-            problems.push(problem(
-                format!("{table}.{second}"),
-                value.to_string(),
-                format!("stands beside {table}.{first}, but one calibration says all"),
-                "keep one of both",
-            ));
-        }
-        if let Some((name, value)) = there.iter().find(|(_, value)| *value == 0.0) {
-            problems.push(problem(
-                format!("{table}.{name}"),
-                value.to_string(),
-                "must not be 0".into(),
-                "write what one unit of the signal stands for; negative if it falls with tension",
-            ));
-        }
-        let own = own.map(|(name, is_there)| (format!("{table}.{name}"), is_there));
-        let shared = |fields: &[(&str, bool)]| -> Vec<(String, bool)> {
-            let named = fields
-                .iter()
-                .map(|(name, there)| (format!("strain.{name}"), *there));
-            named.collect()
-        };
-        let (needed, reason) = match there.first() {
-            None => (
-                [shared(&tube), shared(&gauge), own.to_vec()].concat(),
-                format!(
-                    "is missing, and no {per_count}, {per_mv_v} or um_m_per_mv_v is in its place"
-                ),
-            ),
-            Some(("um_m_per_mv_v", _)) => (
-                shared(&tube),
-                "is missing, and um_m_per_mv_v needs it".to_owned(),
-            ),
-            Some(_) => (Vec::new(), String::new()),
-        };
-        let known = |field: &str, all: &[ChainProblem]| all.iter().any(|p| p.field == *field);
-        for (field, is_there) in needed {
-            if !is_there && !known(&field, &problems) {
-                let remedy = "add it, or give the chain by its calibration";
-                problems.push(problem(field, "none".into(), reason.clone(), remedy));
-            }
-        }
-        if let Some((name, _)) = there.first() {
-            for (field, is_there) in own {
-                if is_there {
-                    let message =
-                        format!("is of gauges and amplifier, but {table}.{name} is there");
-                    problems.push(problem(field, "given".into(), message, "keep one of both"));
-                }
-            }
-        }
-    }
-    problems
 }
 
 #[cfg(test)]
@@ -438,13 +315,51 @@ mod tests {
         assert_eq!(sensors.steer, None);
         assert_eq!(pots.travel_m(2048 + 1024), Some(0.05));
         assert_eq!((pots.travel_m(0), pots.travel_m(4095)), (None, None));
-        for (other, which) in [
-            (format!("{encoder}\n{rods}"), "both"),
-            (String::new(), "none"),
+        let both = format!("{encoder}\n{rods}");
+        let error = Sensors::from_toml(&text.replace(encoder, &both), "s.toml").unwrap_err();
+        let told = "[steer] and [steer_potentiometers], not both";
+        assert!(error.to_string().contains(told), "{error}");
+        let none = Sensors::from_toml(&text.replace(encoder, ""), "s.toml").unwrap();
+        assert!(none.steer.is_none() && none.steer_potentiometers.is_none());
+    }
+
+    #[test]
+    fn a_table_that_the_file_does_not_have_is_of_a_device_that_is_not_fitted() {
+        let sensors = Sensors::from_toml("name = \"none\"\n", "s.toml").unwrap();
+        assert!(sensors.strain.is_not_fitted() && sensors.deflection.is_not_fitted());
+        assert!(sensors.imu.is_not_fitted() && sensors.wheel_speed.is_not_fitted());
+        assert!(sensors.gnss_velocity.is_not_fitted() && sensors.gnss_attitude.is_not_fitted());
+        let text = toml::to_string(&sensors).unwrap();
+        assert_eq!(Sensors::from_toml(&text, "s.toml").unwrap(), sensors);
+        let thesis = Sensors::builtin("thesis-10bit").unwrap();
+        assert!(!thesis.strain.is_not_fitted() && !thesis.imu.is_not_fitted());
+    }
+
+    #[test]
+    fn a_chain_is_given_in_one_way() {
+        let chain = |fields: &str| {
+            let text = format!(
+                "name = \"own\"\n[strain]\nrate_hz = 100.0\nlag_hz = 50.0\nnoise_counts = 1.0\n\
+                 zero_error_counts = 1.0\n{fields}"
+            );
+            Sensors::from_toml(&text, "s.toml").map_err(|error| error.to_string())
+        };
+        assert_eq!(chain("n_per_count = -0.5\n").unwrap().strain.adc_bits, 16);
+        chain("n_per_mv_v = 9000.0\n").unwrap();
+        let tube = "tube_outer_diameter_m = 0.03\ntube_wall_m = 0.002\nyoungs_modulus_pa = 2e11\n";
+        chain(&format!("um_m_per_mv_v = 1500.0\n{tube}")).unwrap();
+        for (fields, told) in [
+            ("", "strain.gauge_factor"),
+            ("um_m_per_mv_v = 1500.0\n", "strain.tube_wall_m"),
+            ("n_per_count = 0.0\n", "must not be 0"),
+            (
+                "n_per_count = 1.0\nn_per_mv_v = 1.0\n",
+                "stands beside strain.n_per_count",
+            ),
+            ("n_per_count = 1.0\nbridge = \"quarter\"\n", "strain.bridge"),
         ] {
-            let error = Sensors::from_toml(&text.replace(encoder, &other), "s.toml").unwrap_err();
-            let told = format!("[steer] and [steer_potentiometers], not {which}");
-            assert!(error.to_string().contains(&told), "{error}");
+            let error = chain(fields).unwrap_err();
+            assert!(error.contains(told), "{fields}: {error}");
         }
     }
 

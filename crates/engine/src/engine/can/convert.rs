@@ -49,6 +49,11 @@ impl Conversion {
         let Some((chain, zero)) = chain.zip(zero) else {
             return Ok(Self::Unknown);
         };
+        if chain.is_not_fitted() {
+            return Err(Error::MissingField {
+                field: "table [strain]",
+            });
+        }
         let per_unit = chain.counts_per_unit(kind, is_bending(channel))? * factor;
         let is_span = kind == model::strain::StrainSignal::Voltage && !is_signed(signal);
         Ok(Self::scaled(
@@ -75,6 +80,11 @@ impl Conversion {
         let Some((pots, scale)) = pots.zip(scale) else {
             return Ok(Self::Unknown);
         };
+        if pots.is_not_fitted() {
+            return Err(Error::MissingField {
+                field: "table of these potentiometers",
+            });
+        }
         Ok(match travel {
             Travel::Voltage(factor) => {
                 let per_unit = pots.counts_per_volt()? * factor;
