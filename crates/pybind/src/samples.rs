@@ -4,9 +4,9 @@ use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sample::{
-    CornerSample, FixQuality, GnssAttitude, GnssVelocity, GroundSpeedSample, HubAccelerationSample,
-    ImuSample, LogTime, Measurement, PerWheel, Sample, SourceId, SteerSample, StrainChannel,
-    WheelSpeedSample,
+    CornerSample, Counts, FixQuality, GnssAttitude, GnssVelocity, GroundSpeedSample,
+    HubAccelerationSample, ImuSample, LogTime, Measurement, PerWheel, Sample, SourceId,
+    SteerSample, StrainChannel, WheelSpeedSample,
 };
 
 use crate::errors;
@@ -328,13 +328,13 @@ impl<'py> Rows<'_, 'py> {
         })
     }
 
-    fn counts(&self, name: &str, value: f64, row: usize) -> PyResult<Option<i32>> {
+    fn counts(&self, name: &str, value: f64, row: usize) -> PyResult<Option<Counts>> {
         if value.is_nan() {
             return Ok(None);
         }
         let range = f64::from(i32::MIN)..=f64::from(i32::MAX);
         if value.fract() == 0.0 && range.contains(&value) {
-            return Ok(Some(value as i32));
+            return Ok(Some(Counts::Converter(value as i32)));
         }
         Err(errors::argument(format!(
             "{} in row {row} is {value}: counts are whole numbers of 32 bits, or NaN where there is \
