@@ -138,7 +138,7 @@ impl Listened {
         for (field, told_hz) in told {
             let found_hz = self.rates.get(field).and_then(Rate::hz);
             match (found_hz, told_hz) {
-                (Some(_), Some(told)) if told == 0.0 => {
+                (Some(_), Some(0.0)) => {
                     let table = field.split('.').next().unwrap_or_default();
                     warnings.push(format!(
                         "readings of {table} arrive, but the sensors file has no table [{table}]; add it, \
@@ -308,8 +308,10 @@ mod tests {
         let mut listened = Listened::default();
         for k in 0..200 {
             let time = LogTime(0).offset_seconds(0.01 * f64::from(k));
-            let mut imu = ImuSample::default();
-            imu.specific_force_m_s2 = [0.1; 3];
+            let mut imu = ImuSample {
+                specific_force_m_s2: [0.1; 3],
+                ..ImuSample::default()
+            };
             imu.specific_force_m_s2[axis] = 9.8;
             listened.push(&Record::Sample(Sample {
                 source: SourceId(0),

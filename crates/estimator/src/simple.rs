@@ -168,7 +168,7 @@ mod tests {
         assert!((corner.load_n - spring_n).abs() < 1.0, "{}", corner.load_n);
         // A tenth of a metre a second.
         for k in 0..15_u8 {
-            corner.take(at(50 + u32::from(k)), 600 + 10 * i32::from(k));
+            corner.take(at(50 + u32::from(k)), (600 + 10 * i32::from(k)).into());
         }
         let moved_n = ratio * (strut.stiffness_n_m * 0.014 + strut.damping_n_s_m * 0.1);
         let more_n = corner.load_n - spring_n;

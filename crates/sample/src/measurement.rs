@@ -261,7 +261,7 @@ pub enum Counts {
         /// Counts, not whole.
         counts: f64,
         /// Counts of one step of the value as sent; 0 for a floating-point number.
-        step: f64,
+        step: f32,
     },
 }
 

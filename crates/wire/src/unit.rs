@@ -208,7 +208,7 @@ mod tests {
         use Dimension as D;
         let gravity = 9.806_65;
         let pound = 0.453_592_37 * gravity;
-        let degree = std::f64::consts::TAU / 360.0;
+        let degree = TAU / 360.0;
         let cases: &[(D, &[&str], f64)] = &[
             (D::Acceleration, &["m/s^2", "m/s2", "m/s²", "mps2"], 1.0),
             (D::Acceleration, &["g", "G", "[g]"], gravity),

@@ -340,13 +340,15 @@ fn read_controls(
         add(field, &key, Some(&default), value, collector);
     }
     hitch.finish(collector);
-    let of_wheels: [(&str, fn(Wheel) -> ControlValue); 4] = [
-        ("drive_torque", ControlValue::DriveTorque),
-        ("brake_torque", ControlValue::BrakeTorque),
-        ("brake_pressure", ControlValue::BrakePressure),
-        ("bridge_temperature", ControlValue::BridgeTemperature),
-    ];
-    for (name, value) in of_wheels {
+    let of_wheels = |wheel| {
+        [
+            ("drive_torque", ControlValue::DriveTorque(wheel)),
+            ("brake_torque", ControlValue::BrakeTorque(wheel)),
+            ("brake_pressure", ControlValue::BrakePressure(wheel)),
+            ("bridge_temperature", ControlValue::BridgeTemperature(wheel)),
+        ]
+    };
+    for (number, (name, _)) in of_wheels(Wheel::FrontLeft).into_iter().enumerate() {
         let mut wheels = section.section(name, collector);
         for wheel in Wheel::ALL {
             let corner = wheel.abbreviation();
@@ -355,7 +357,7 @@ fn read_controls(
                 field,
                 &format!("{name}.{corner}"),
                 None,
-                value(wheel),
+                of_wheels(wheel)[number].1,
                 collector,
             );
         }

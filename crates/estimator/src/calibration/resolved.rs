@@ -120,7 +120,7 @@ impl Channel {
             Counts::Converter(_) => number > 0.0 && number < self.counts_max,
             Counts::Equivalent { .. } => number.is_finite(),
         };
-        (!self.dead && is_within).then(|| self.gain * (number - self.offset_counts))
+        (!self.dead && is_within).then_some(self.gain * (number - self.offset_counts))
     }
 
     /// How often in a row this reading is a fault. A value with steps that are larger than the noise
@@ -129,7 +129,7 @@ impl Channel {
     pub fn frozen_after(&self, counts: Counts) -> Option<u32> {
         let step = match counts {
             Counts::Converter(_) => 1.0,
-            Counts::Equivalent { step, .. } => step.max(1.0),
+            Counts::Equivalent { step, .. } => f64::from(step).max(1.0),
         };
         let noise = self.noise_sigma / self.gain.abs();
         let repeats = self.frozen_after?;

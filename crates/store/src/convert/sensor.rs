@@ -333,7 +333,7 @@ fn deflection_from_proto(message: &pb::Deflection) -> Result<Option<CornerSample
 }
 
 /// Counts as sent, or counts of another unit with those of one step of it.
-fn counts_to_proto(counts: Counts) -> (Option<i32>, Option<f64>, Option<f64>) {
+fn counts_to_proto(counts: Counts) -> (Option<i32>, Option<f64>, Option<f32>) {
     match counts {
         Counts::Converter(counts) => (Some(counts), None, None),
         Counts::Equivalent { counts, step } => (None, Some(counts), (step > 0.0).then_some(step)),
@@ -343,7 +343,7 @@ fn counts_to_proto(counts: Counts) -> (Option<i32>, Option<f64>, Option<f64>) {
 fn counts_from_proto(
     raw: Option<i32>,
     equivalent: Option<f64>,
-    step: Option<f64>,
+    step: Option<f32>,
 ) -> Option<Counts> {
     let equivalent = equivalent.map(|counts| Counts::Equivalent {
         counts,

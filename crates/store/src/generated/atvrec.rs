@@ -331,8 +331,8 @@ pub struct StrainMember {
     #[prost(double, optional, tag = "5")]
     pub equivalent_counts: ::core::option::Option<f64>,
     /// Counts of one step of the value as sent; absent for a floating-point number.
-    #[prost(double, optional, tag = "6")]
-    pub step_counts: ::core::option::Option<f64>,
+    #[prost(float, optional, tag = "6")]
+    pub step_counts: ::core::option::Option<f32>,
 }
 impl ::prost::Name for StrainMember {
     const NAME: &'static str = "StrainMember";
@@ -382,8 +382,8 @@ pub struct WheelDeflection {
     #[prost(double, optional, tag = "6")]
     pub equivalent_counts: ::core::option::Option<f64>,
     /// Counts of one step of the value as sent; absent for a floating-point number.
-    #[prost(double, optional, tag = "7")]
-    pub step_counts: ::core::option::Option<f64>,
+    #[prost(float, optional, tag = "7")]
+    pub step_counts: ::core::option::Option<f32>,
 }
 impl ::prost::Name for WheelDeflection {
     const NAME: &'static str = "WheelDeflection";

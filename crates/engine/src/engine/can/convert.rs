@@ -25,7 +25,7 @@ pub enum Conversion {
         /// Counts of 1 in the unit of the signal.
         per_unit: f64,
         /// Counts of one step of the signal; 0 for a floating-point number.
-        step: f64,
+        step: f32,
     },
     /// The sensors file does not say what they are.
     Unknown,
@@ -111,7 +111,7 @@ impl Conversion {
 
     fn scaled(zero: f64, per_unit: f64, signal: &SignalDef) -> Self {
         let step = match signal.kind {
-            RawKind::Unsigned | RawKind::Signed => (per_unit * signal.factor).abs(),
+            RawKind::Unsigned | RawKind::Signed => (per_unit * signal.factor).abs() as f32,
             RawKind::Float | RawKind::Double => 0.0,
         };
         Self::Scaled {
@@ -155,7 +155,7 @@ fn whole(raw: i64, zero: f64) -> Counts {
     )
 }
 
-fn finite(counts: f64, step: f64) -> Option<Counts> {
+fn finite(counts: f64, step: f32) -> Option<Counts> {
     counts
         .is_finite()
         .then_some(Counts::Equivalent { counts, step })
