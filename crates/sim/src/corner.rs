@@ -57,13 +57,7 @@ impl Corner {
         seed: u64,
     ) -> Result<Self, SimError> {
         let axle = vehicle.axle(wheel);
-        if sensors.strain.adc_bits > SENT_BITS {
-            return Err(SimError::BadParameter {
-                name: "strain.adc_bits".to_owned(),
-                value: f64::from(sensors.strain.adc_bits),
-                expected: "at most 16, because the bus of the virtual vehicle has fields of 16 bits",
-            });
-        }
+        check_bits(sensors)?;
         let mut noise = Noise::new(seed, &format!("corner {wheel}"));
         let pot_offset_counts = noise.within(sensors.deflection.zero_error_counts)
             + hidden.potentiometer_offset_counts[wheel];
@@ -279,5 +273,17 @@ fn bending_wired_scale(chain: &StrainChain) -> Result<ChannelScale, SimError> {
     Ok(match chain.bending_scale() {
         Ok(Some(scale)) => scale,
         _ => chain.axial_scale()?,
+    })
+}
+
+/// Whether the converter's counts fit into the fields of the bus.
+fn check_bits(sensors: &Sensors) -> Result<(), SimError> {
+    if sensors.strain.adc_bits <= SENT_BITS {
+        return Ok(());
+    }
+    Err(SimError::BadParameter {
+        name: "strain.adc_bits".to_owned(),
+        value: f64::from(sensors.strain.adc_bits),
+        expected: "at most 16, because the bus of the virtual vehicle has fields of 16 bits",
     })
 }

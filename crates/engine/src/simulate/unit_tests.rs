@@ -163,6 +163,34 @@ fn slow_sine() -> Drive {
     }
 }
 
+/// The configuration of the virtual vehicle with the inertial unit on the bus of the other DBC file.
+fn in_other_units(mut text: String) -> String {
+    let start = text.find("[source.imu]").expect("an inertial unit");
+    let end = start + text[start..].find("\n\n").expect("the table's end");
+    let line = text[start..end].find("latency_s = ").expect("a latency");
+    let latency = text[start + line..].lines().next().expect("a line");
+    let latency = latency.trim_start_matches("latency_s = ").to_owned();
+    text.replace_range(start..end, "");
+    let bus = "interface = \"can0\"\n";
+    let dbc = format!("{bus}dbc = [\"other.dbc\"]\n");
+    text = text.replace(bus, &dbc);
+    let heading = "[source.can0.message_latency_s]\n";
+    let latencies = format!("{heading}Force = {latency}\nRate = {latency}\n");
+    text = text.replace(heading, &latencies);
+    text = text
+        .lines()
+        .filter(|line| !line.starts_with("SteerRods") && !line.starts_with("Hub_"))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    for (role, message) in [("acceleration", "Force"), ("rate", "Rate")] {
+        let _ = writeln!(text, "[source.can0.roles.{role}]");
+        for axis in ["x", "y", "z"] {
+            let _ = writeln!(text, "{axis} = \"{message}.{axis}\"");
+        }
+    }
+    text
+}
+
 /// The forces of a drive; with a recoder, of its signals in other units.
 fn forces(mut recoder: Option<Recoder>) -> BTreeMap<LogTime, [[f64; 3]; 4]> {
     let directory = tempfile::tempdir().expect("a directory");
@@ -174,29 +202,7 @@ fn forces(mut recoder: Option<Recoder>) -> BTreeMap<LogTime, [[f64; 3]; 4]> {
     };
     let mut text = simulated.configuration(&ports);
     if recoder.is_some() {
-        let start = text.find("[source.imu]").expect("an inertial unit");
-        let end = start + text[start..].find("\n\n").expect("the table's end");
-        let line = text[start..end].find("latency_s = ").expect("a latency");
-        let latency = text[start + line..].lines().next().expect("a line");
-        let latency = latency.trim_start_matches("latency_s = ").to_owned();
-        text.replace_range(start..end, "");
-        let bus = "interface = \"can0\"\n";
-        let dbc = format!("{bus}dbc = [\"other.dbc\"]\n");
-        text = text.replace(bus, &dbc);
-        let heading = "[source.can0.message_latency_s]\n";
-        let latencies = format!("{heading}Force = {latency}\nRate = {latency}\n");
-        text = text.replace(heading, &latencies);
-        text = text
-            .lines()
-            .filter(|line| !line.starts_with("SteerRods") && !line.starts_with("Hub_"))
-            .map(|line| format!("{line}\n"))
-            .collect();
-        for (role, message) in [("acceleration", "Force"), ("rate", "Rate")] {
-            let _ = writeln!(text, "[source.can0.roles.{role}]");
-            for axis in ["x", "y", "z"] {
-                let _ = writeln!(text, "{axis} = \"{message}.{axis}\"");
-            }
-        }
+        text = in_other_units(text);
     }
     let mut config = Config::from_text(&text, directory.path()).expect("a configuration");
     let settings = config.estimator.as_mut().expect("an estimator");

@@ -28,13 +28,24 @@ fn roles(units: &[&str], table: &str, more: &str) -> Result<Vec<Role>, String> {
     }
 }
 
+/// Each entry: the unit of a signal, the key of a role, and the role that this signal has.
+fn assert_units(cases: &[(&str, &str, Role)]) {
+    for (unit, key, expected) in cases {
+        let found = roles(&[unit], &format!("{key} = \"M.s0\""), "").expect(key);
+        // The last digits depend on how the degrees of a turn are multiplied.
+        assert_eq!(found.len(), 1, "{key}");
+        let [found, expected] = [format!("{:.12?}", found[0]), format!("{expected:.12?}")];
+        assert_eq!(found, expected, "{key} in {unit}");
+    }
+}
+
 #[test]
 fn roles_take_the_unit_of_the_signal() {
     let degree = 1.0_f64.to_radians();
     let fl = Wheel::FrontLeft;
     let channel = StrainChannel::TieRod;
     let strain = |signal, factor| Role::Strain(fl, channel, StrainUnit::Of(signal, factor));
-    let cases = [
+    assert_units(&[
         ("deg", "steer", Role::Steer(degree)),
         (
             "rpm",
@@ -92,6 +103,14 @@ fn roles_take_the_unit_of_the_signal() {
             "strain.FL.tie_rod",
             strain(StrainSignal::Load, 1000.0),
         ),
+    ]);
+}
+
+#[test]
+fn roles_of_motion_and_controls_take_the_unit_of_the_signal() {
+    let degree = 1.0_f64.to_radians();
+    let fl = Wheel::FrontLeft;
+    assert_units(&[
         ("mm", "rack", Role::Rack(1e-3)),
         (
             "g",
@@ -141,14 +160,7 @@ fn roles_take_the_unit_of_the_signal() {
             "bridge_temperature.FL",
             Role::Control(ControlValue::BridgeTemperature(fl), 1.0),
         ),
-    ];
-    for (unit, key, expected) in cases {
-        let found = roles(&[unit], &format!("{key} = \"M.s0\""), "").expect(key);
-        // The last digits depend on how the degrees of a turn are multiplied.
-        assert_eq!(found.len(), 1, "{key}");
-        let [found, expected] = [format!("{:.12?}", found[0]), format!("{expected:.12?}")];
-        assert_eq!(found, expected, "{key} in {unit}");
-    }
+    ]);
     let turned = roles(&["g"], "acceleration.z = \"-M.s0\"", "").expect("a minus");
     let expected = Role::Quantity(Quantity::Acceleration(2), -9.806_65);
     assert_eq!(turned, [expected]);
