@@ -17,7 +17,7 @@
 //! - [`slcan`], [`candump`]: CAN frames as text.
 //! - [`output`]: estimates for controllers, as CAN frames with [`e2e`] and as datagrams.
 //! - [`mod@recognise`]: which protocol bytes are of.
-//! - [`unit`]: units of quantities and their factors to SI.
+//! - [`mod@unit`]: units of quantities and their factors to SI.
 //! - [`geodesy`], [`gps_time`]: WGS 84 and GPS time.
 //!
 //! Each protocol has its encoder in the module of its decoder. The virtual vehicle uses the encoders.
