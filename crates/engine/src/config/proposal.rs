@@ -29,8 +29,11 @@ struct Row {
     without: &'static [&'static str],
 }
 
+/// Words of devices on a wheel.
+const ON_A_WHEEL: &[&str] = &["wheel", "whl", "hub", "fl", "fr", "rl", "rr", "engine"];
+
 /// The roles. A signal gets the first role that its name fits.
-const ROWS: [Row; 7] = [
+const ROWS: [Row; 10] = [
     Row {
         role: "steer_{side}",
         sure: &[
@@ -81,6 +84,46 @@ const ROWS: [Row; 7] = [
         ],
         hint: &[&["accel"], &["acceleration"], &["acc"]],
         without: &["speed", "spd", "force", "strain"],
+    },
+    Row {
+        role: "acceleration.{axis}",
+        sure: &[
+            &["imu", "acc"],
+            &["imu", "accel"],
+            &["imu", "acceleration"],
+            &["imu", "ax"],
+            &["imu", "ay"],
+            &["imu", "az"],
+            &["specific", "force"],
+            &["lateral", "acceleration"],
+            &["longitudinal", "acceleration"],
+            &["vertical", "acceleration"],
+        ],
+        hint: &[],
+        without: ON_A_WHEEL,
+    },
+    Row {
+        role: "rate.{axis}",
+        sure: &[
+            &["yaw", "rate"],
+            &["roll", "rate"],
+            &["pitch", "rate"],
+            &["imu", "rate"],
+            &["imu", "gyro"],
+            &["angular", "rate"],
+        ],
+        hint: &[&["gyro"], &["yawrate"]],
+        without: ON_A_WHEEL,
+    },
+    Row {
+        role: "speed.forward",
+        sure: &[
+            &["vehicle", "speed"],
+            &["ground", "speed"],
+            &["car", "speed"],
+        ],
+        hint: &[&["vehicle", "spd"]],
+        without: ON_A_WHEEL,
     },
     Row {
         role: "wheel_speed.{wheel}",
@@ -370,6 +413,11 @@ mod tests {
     fn names_of_other_makers_are_understood() {
         for (message, signal, unit, role) in [
             ("SAS", "SteeringWheelAngle", "deg", "steer"),
+            ("IMU", "AccelX", "g", "acceleration.x"),
+            ("ESP", "LateralAcceleration", "m/s^2", "acceleration.y"),
+            ("ESP", "YawRate", "deg/s", "rate.z"),
+            ("IMU_Gyro", "Roll_Rate", "deg/s", "rate.x"),
+            ("Dash", "VehicleSpeed", "km/h", "speed.forward"),
             ("STEER_ANGLE_SENSOR", "STEER_ANGLE", "deg", "steer"),
             ("ABS1", "WhlSpdFrL", "rpm", "wheel_speed.FL"),
             ("ABS1", "WHEEL_SPEED_RR", "rad/s", "wheel_speed.RR"),

@@ -36,9 +36,12 @@ const WHEELS: [Value; 4] = [
 const SIDES: [Value; 2] = [("left", &[LEFT]), ("right", &[RIGHT])];
 
 const AXES: [Value; 3] = [
-    ("x", &[&["x", "ax", "fx", "lon", "long", "longitudinal"]]),
-    ("y", &[&["y", "ay", "fy", "lat", "lateral"]]),
-    ("z", &[&["z", "az", "fz", "vert", "vertical"]]),
+    (
+        "x",
+        &[&["x", "ax", "fx", "lon", "long", "longitudinal", "roll"]],
+    ),
+    ("y", &[&["y", "ay", "fy", "lat", "lateral", "pitch"]]),
+    ("z", &[&["z", "az", "fz", "vert", "vertical", "yaw"]]),
 ];
 
 const UPPER: &[&str] = &["upper", "upr", "top"];
