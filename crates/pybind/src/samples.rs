@@ -125,23 +125,40 @@ impl<'py> Rows<'_, 'py> {
     }
 
     fn corner(&self, all: &mut Vec<Sample>) -> PyResult<()> {
-        self.check_names(&["wheel", "strain_counts", "deflection_counts"])?;
+        self.check_names(&[
+            "wheel",
+            "strain_counts",
+            "strain_step_counts",
+            "deflection_counts",
+            "deflection_step_counts",
+        ])?;
         let wheels = self.texts("wheel")?;
         let strain = self.optional_vectors::<{ StrainChannel::COUNT }>("strain_counts")?;
+        let strain_steps =
+            self.optional_vectors::<{ StrainChannel::COUNT }>("strain_step_counts")?;
         let deflection = self.optional_column("deflection_counts")?;
+        let deflection_steps = self.optional_column("deflection_step_counts")?;
         self.fill(all, 0, |row| {
             let wheel = input::wheel(self.text("wheel", &wheels, row)?)?;
             let mut strain_counts = [None; StrainChannel::COUNT];
             if let Some(strain) = &strain {
                 let values: [f64; StrainChannel::COUNT] = self.row("strain_counts", strain, row)?;
-                for (counts, value) in strain_counts.iter_mut().zip(values) {
-                    *counts = self.counts("strain_counts", value, row)?;
+                let steps = match &strain_steps {
+                    Some(steps) => self.row("strain_step_counts", steps, row)?,
+                    None => [f64::NAN; StrainChannel::COUNT],
+                };
+                for ((counts, value), step) in strain_counts.iter_mut().zip(values).zip(steps) {
+                    *counts = self.counts("strain_counts", value, step, row)?;
                 }
             }
             let deflection_counts = match &deflection {
                 Some(deflection) => {
                     let value = self.row("deflection_counts", deflection, row)?;
-                    self.counts("deflection_counts", value, row)?
+                    let step = match &deflection_steps {
+                        Some(steps) => self.row("deflection_step_counts", steps, row)?,
+                        None => f64::NAN,
+                    };
+                    self.counts("deflection_counts", value, step, row)?
                 }
                 None => None,
             };
@@ -328,9 +345,14 @@ impl<'py> Rows<'_, 'py> {
         })
     }
 
-    fn counts(&self, name: &str, value: f64, row: usize) -> PyResult<Option<Counts>> {
+    /// Counts of a converter; with a `step`, those of a value that was sent in another unit.
+    fn counts(&self, name: &str, value: f64, step: f64, row: usize) -> PyResult<Option<Counts>> {
         if value.is_nan() {
             return Ok(None);
+        }
+        if step >= 0.0 && value.is_finite() {
+            let (counts, step) = (value, step as f32);
+            return Ok(Some(Counts::Equivalent { counts, step }));
         }
         let range = f64::from(i32::MIN)..=f64::from(i32::MAX);
         if value.fract() == 0.0 && range.contains(&value) {
@@ -338,7 +360,7 @@ impl<'py> Rows<'_, 'py> {
         }
         Err(errors::argument(format!(
             "{} in row {row} is {value}: counts are whole numbers of 32 bits, or NaN where there is \
-             none",
+             none; values that were sent in another unit have a step",
             self.name(name)
         )))
     }

@@ -166,3 +166,22 @@ def test_errors_name_the_value_and_the_next_step() -> None:
         atvrec.Calibration.from_toml('vehicel = "x"', "cal.toml")
     with pytest.raises(FileNotFoundError, match="absent.toml"):
         atvrec.Calibration.load("absent.toml")
+
+
+def test_readings_in_another_unit_than_counts_are_taken_with_their_step() -> None:
+    nothing = np.full(3, np.nan)
+    columns: dict[str, Any] = {f"{wheel}.raw_counts": nothing for wheel in ("fr", "rl", "rr")}
+    columns |= {
+        "log_time_ns": np.array([10, 20, 30]),
+        "publish_time_ns": np.array([10, 20, 30]),
+        "fl.raw_counts": np.array([500.0, np.nan, np.nan]),
+        "fl.equivalent_counts": np.array([np.nan, 500.25, 501.5]),
+        "fl.step_counts": np.array([np.nan, 0.5, np.nan]),
+    }
+    corner = atvrec.estimation._corners(columns, "deflection")[0]
+    np.testing.assert_equal(corner["deflection_counts"], [500.0, 500.25, 501.5])
+    np.testing.assert_equal(corner["deflection_step_counts"], [np.nan, 0.5, 0.0])
+    vehicle = atvrec.Vehicle.builtin("prowler")
+    atvrec.Estimator(vehicle).push({"corner": corner})  # type: ignore[typeddict-item]
+    with pytest.raises(atvrec.ArgumentError, match="is 500.25: counts are whole numbers"):
+        atvrec.Estimator(vehicle).push({"corner": corner | {"deflection_step_counts": nothing}})  # type: ignore[typeddict-item]

@@ -103,8 +103,13 @@ class CornerSamples(_Corner, total=False):
     strain_counts: npt.ArrayLike
     """Counts of upper front and rear, lower front and rear arm, tie rod, and bending of the lower
     front and rear arm, (n, 7)."""
+    strain_step_counts: npt.ArrayLike
+    """Counts of one step of a value that was sent in another unit than counts, 0 for floating-point numbers, NaN for
+    counts of a converter, (n, 7)."""
     deflection_counts: npt.ArrayLike
     """Counts of the spring potentiometer, (n,)."""
+    deflection_step_counts: npt.ArrayLike
+    """The same as ``strain_step_counts``, (n,)."""
 
 
 class SteerSamples(Times):
@@ -427,6 +432,8 @@ class Estimator:
         *,
         strain_counts: Sequence[float] | Doubles | None = None,
         deflection_counts: float | None = None,
+        strain_step_counts: Sequence[float] | Doubles | None = None,
+        deflection_step_counts: float | None = None,
         valid_time_ns: int | None = None,
     ) -> None:
         """Takes one sample of the converters of a wheel; see :class:`CornerSamples`."""
@@ -437,6 +444,10 @@ class Estimator:
             wheel=wheel,
             strain_counts=None if strain_counts is None else [strain_counts],
             deflection_counts=None if deflection_counts is None else [deflection_counts],
+            strain_step_counts=None if strain_step_counts is None else [strain_step_counts],
+            deflection_step_counts=None
+            if deflection_step_counts is None
+            else [deflection_step_counts],
         )
 
     def push_steer(
@@ -633,22 +644,38 @@ def _corners(columns: _Columns, kind: str) -> list[_Columns]:
     """Rows of each wheel; a message holds some wheels only."""
     tables = []
     for wheel in _WHEELS:
+        length = len(columns["log_time_ns"])
         counts = {
-            "strain_counts": np.full((len(columns["log_time_ns"]), len(_MEMBERS)), np.nan),
-            "deflection_counts": np.full(len(columns["log_time_ns"]), np.nan),
+            "strain_counts": np.full((length, len(_MEMBERS)), np.nan),
+            "strain_step_counts": np.full((length, len(_MEMBERS)), np.nan),
+            "deflection_counts": np.full(length, np.nan),
+            "deflection_step_counts": np.full(length, np.nan),
         }
         if kind == "strain":
-            members = [columns[f"{wheel}.{member}.raw_counts"] for member in _MEMBERS]
-            counts["strain_counts"] = np.stack(members, axis=1)
+            members = [_counts(columns, f"{wheel}.{member}") for member in _MEMBERS]
+            counts["strain_counts"] = np.stack([counts for counts, _ in members], axis=1)
+            counts["strain_step_counts"] = np.stack([step for _, step in members], axis=1)
             present = ~np.isnan(counts["strain_counts"]).all(axis=1)
         else:
-            counts["deflection_counts"] = columns[f"{wheel}.raw_counts"]
+            read = _counts(columns, wheel)
+            counts["deflection_counts"], counts["deflection_step_counts"] = read
             present = ~np.isnan(counts["deflection_counts"])
         rows = _times(columns) | counts
         table = {name: values[present] for name, values in rows.items()}
         table["wheel"] = np.full(int(present.sum()), wheel)
         tables.append(table)
     return tables
+
+
+def _counts(columns: _Columns, name: str) -> tuple[Doubles, Doubles]:
+    """Counts of a converter, or those of a value in another unit; and the step, NaN for a converter."""
+    raw = columns[f"{name}.raw_counts"]
+    unknown = np.full(len(raw), np.nan)
+    other = columns.get(f"{name}.equivalent_counts", unknown)
+    step = columns.get(f"{name}.step_counts", unknown)
+    is_other = np.isnan(raw) & ~np.isnan(other)
+    step = np.where(is_other, np.nan_to_num(step, nan=0.0), np.nan)
+    return np.where(is_other, other, raw), step
 
 
 def _merged(tables: list[_Columns]) -> _Columns:

@@ -124,5 +124,6 @@ pub fn is_drawn(name: &str) -> bool {
 
 /// Whether a column is the travel of a wheel's suspension, in metres or in counts.
 pub fn is_travel(name: &str) -> bool {
-    name.ends_with(".deflection_m") || name.ends_with(".raw_counts")
+    let ends = [".deflection_m", ".raw_counts", ".equivalent_counts"];
+    ends.iter().any(|end| name.ends_with(end))
 }

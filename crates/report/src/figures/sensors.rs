@@ -25,14 +25,18 @@ fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     let drive = curves.drive;
     let mut panels = Vec::new();
     let (factor, metres) = curves.options.units.of(Quantity::Length);
-    let is_calibrated = |wheel: &(&str, &str)| {
-        let column = format!("{}.deflection_m", wheel.0);
-        let frame = drive.travel.get(&column);
-        frame.is_some_and(|frame| !frame.is_empty())
+    let is_there = |column: &str| {
+        WHEELS.iter().any(|(wheel, _)| {
+            let frame = drive.travel.get(&format!("{wheel}.{column}"));
+            frame.is_some_and(|frame| !frame.is_empty())
+        })
     };
-    let (column, quantity, factor, unit) = match WHEELS.iter().any(is_calibrated) {
-        true => ("deflection_m", Quantity::Length, factor, metres),
-        false => ("raw_counts", Quantity::Number, 1.0, "counts"),
+    let (column, quantity, factor, unit) = if is_there("deflection_m") {
+        ("deflection_m", Quantity::Length, factor, metres)
+    } else if is_there("raw_counts") {
+        ("raw_counts", Quantity::Number, 1.0, "counts")
+    } else {
+        ("equivalent_counts", Quantity::Number, 1.0, "counts")
     };
     let mut velocity = panel("part of the time (%)", None);
     let mut spectrum = panel(format!("log10 of ({unit})²/Hz"), None);
