@@ -152,17 +152,41 @@ impl InertialForces {
         })
     }
 
-    /// The forces in the wheel-carrier frame: the camber is unknown.
+    /// The forces in the wheel-carrier frame, of those in the contact frame. The frame pitches with the body, and the
+    /// spindle leans by a part of the roll that the suspension does not take back.
     #[must_use]
-    pub fn in_carrier_frame(&self, contact: &PerWheel<TyreForce>) -> PerWheel<TyreForce> {
-        let camber = self.tuning.camber_sigma_rad;
+    pub fn in_carrier_frame(
+        &self,
+        contact: &PerWheel<TyreForce>,
+        steer_rad: [f64; 4],
+    ) -> PerWheel<TyreForce> {
+        let t = &self.tuning;
+        let [roll, pitch] = self.loads.angles_rad();
         PerWheel::from_fn(|wheel| {
-            let mut force = contact[wheel];
-            let [_, across, load] = force.force_n;
-            let [_, across_sigma, load_sigma] = &mut force.sigma_n;
-            *across_sigma = math::hypot(*across_sigma, camber * load);
-            *load_sigma = math::hypot(*load_sigma, camber * across);
-            force
+            let (sine, cosine) = math::sin_cos(steer_rad[wheel.index()]);
+            let nose_down = pitch * cosine - roll * sine;
+            let lean = roll * cosine + pitch * sine;
+            let camber = t.camber_part * lean;
+            let camber_sigma = math::hypot(t.camber_sigma_rad, t.camber_part_sigma * lean);
+            let force = contact[wheel];
+            let [x, y, z] = force.force_n;
+            let (pitch_sine, pitch_cosine) = math::sin_cos(nose_down);
+            let (camber_sine, camber_cosine) = math::sin_cos(camber);
+            let up = z * pitch_cosine + x * pitch_sine;
+            let [x_sigma, y_sigma, z_sigma] = force.sigma_n;
+            TyreForce {
+                force_n: [
+                    x * pitch_cosine - z * pitch_sine,
+                    y * camber_cosine + up * camber_sine,
+                    up * camber_cosine - y * camber_sine,
+                ],
+                sigma_n: [
+                    x_sigma,
+                    math::hypot(y_sigma, camber_sigma * z),
+                    math::hypot(z_sigma, camber_sigma * y),
+                ],
+                ..force
+            }
         })
     }
 
@@ -358,7 +382,7 @@ impl InertialForces {
 }
 
 /// Sum of drive and brake torque of each wheel about its spindle, forward positive, N m: a brake torque acts against
-/// the rotation, and has no sign at a standstill, below `standing_m_s`. `None` where neither is recorded.
+/// the rotation. `None` where neither is recorded, and for a wheel that a brake holds below `standing_m_s`.
 #[must_use]
 pub fn net_torque(
     torques_n_m: &[[f64; 4]; 2],
@@ -368,16 +392,14 @@ pub fn net_torque(
     let [drive, brake] = torques_n_m;
     PerWheel::from_fn(|wheel| {
         let i = wheel.index();
-        if drive[i].is_nan() && brake[i].is_nan() {
+        let or_none = |torque: f64| if torque.is_nan() { 0.0 } else { torque };
+        let braked = or_none(brake[i]).abs();
+        let is_silent = drive[i].is_nan() && brake[i].is_nan();
+        // A brake holds a standing wheel by any torque up to its own.
+        if is_silent || (speed_m_s.abs() < standing_m_s && braked > 0.0) {
             return None;
         }
-        let sign = if speed_m_s.abs() < standing_m_s {
-            0.0
-        } else {
-            speed_m_s.signum()
-        };
-        let or_none = |torque: f64| if torque.is_nan() { 0.0 } else { torque };
-        Some(or_none(drive[i]) - sign * or_none(brake[i]).abs())
+        Some(or_none(drive[i]) - speed_m_s.signum() * braked)
     })
 }
 
@@ -465,6 +487,6 @@ mod tests {
         assert_eq!(forward.0, [Some(60.0), Some(-40.0), None, None]);
         let backward = net_torque(&torques, -5.0, 0.2);
         assert_eq!(backward.0, [Some(140.0), Some(40.0), None, None]);
-        assert_eq!(net_torque(&torques, 0.0, 0.2).0[1], Some(0.0));
+        assert_eq!(net_torque(&torques, 0.0, 0.2).0, [None; 4]);
     }
 }

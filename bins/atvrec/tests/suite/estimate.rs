@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use sample::{Estimate, Wheel};
+use sample::{Estimate, ForceSource, Wheel};
 use serde_json::Value;
 use store::{Reader, Record, Selection};
 
@@ -238,5 +238,38 @@ fn judge_events(name: &str, score: &Value, lifts: u64, surfaces: u64) {
         let after_s = lift["declared_after_s"].as_f64().expect("a number");
         let before_s = lift["warned_before_s"].as_f64().expect("a number");
         assert!(after_s < 0.3 && before_s > 1.0, "{lift}");
+    }
+}
+
+/// A vehicle of an independent simulator has forces from its inertial unit
+/// although its file has no linkages.
+#[test]
+fn a_vehicle_without_linkages_has_forces_from_its_inertial_unit() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let vehicle = testkit::project().join("testdata/second-vehicle-plain.toml");
+    let assert = atvrec(directory.path())
+        .args(["simulate", "--output", "drive.mcap", "--truth"])
+        .arg(testkit::truth::excerpt_path("f1_slalom_a"))
+        .arg("--vehicle")
+        .arg(vehicle)
+        .assert()
+        .success();
+    drop(assert);
+    let reader = Reader::open([directory.path().join("drive.mcap")]).expect("the log opens");
+    let last = reader.estimates().last().expect("estimates").expect("one");
+    for wheel in Wheel::ALL {
+        assert_eq!(last.measured[wheel].source, ForceSource::Inertial);
+    }
+    let assert = atvrec(directory.path())
+        .args(["score", "drive.mcap", "--json"])
+        .assert()
+        .success();
+    let score: Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    let forces = score["forces"].as_array().expect("forces");
+    let contact = forces.iter().find(|f| f["frame"] == "contact");
+    let worst = &contact.expect("the contact frame")["worst_percent"];
+    let worst = [0, 1, 2].map(|axis| worst[axis].as_f64().expect("a number"));
+    for (error, most) in worst.into_iter().zip([10.0, 10.0, 6.0]) {
+        assert!(error < most, "{worst:?}");
     }
 }

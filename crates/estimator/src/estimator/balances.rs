@@ -49,8 +49,7 @@ impl Estimator {
         now.seconds_since(since) > self.settings.tuning.inertial_forces.silent_s
     }
 
-    /// The forces by the balances of the whole vehicle; unknown without an inertial unit or without a speed. Without
-    /// suspension geometry, the wheel-carrier frame and the contact frame differ in their standard deviations only.
+    /// The forces by the balances of the whole vehicle; unknown without an inertial unit or without a speed.
     fn forces_of_balances(
         &mut self,
         now: LogTime,
@@ -92,7 +91,7 @@ impl Estimator {
         input.torque_n_m = net_torque(&torques, input.speed_m_s, standing_m_s);
         let contact = forces.step(&input);
         MeasuredForces {
-            carrier: forces.in_carrier_frame(&contact),
+            carrier: forces.in_carrier_frame(&contact, input.steer_rad),
             reported: contact,
             contact,
             lagged: None,

@@ -125,6 +125,11 @@ impl Loads {
         self.turning.iter_mut().for_each(Turning::forget);
     }
 
+    /// Roll and pitch of the body against the ground, rad.
+    pub fn angles_rad(&self) -> [f64; 2] {
+        [self.roll.angle_rad, self.pitch.angle_rad]
+    }
+
     /// Propagates roll and pitch. Returns the specific force in axes of the ground, m/s^2.
     pub fn tilt(&mut self, input: &InertialInput) -> [f64; 3] {
         let [x, y, z] = input.force_m_s2;

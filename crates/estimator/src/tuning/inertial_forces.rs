@@ -47,8 +47,13 @@ tuning! {
         /// Standard deviation of a longitudinal force by rolling resistance, toe-in and a differential, as a part of the
         /// static load.
         longitudinal_constant: f64 = 0.04, "1";
-        /// Standard deviation of the camber against the ground, which turns the wheel-carrier frame.
-        camber_sigma_rad: f64 = 0.03, "rad";
+        /// Camber against the ground, as a part of the roll angle, for the wheel-carrier frame: 1 where wheels lean with
+        /// the body, 0 on a solid axle.
+        camber_part: f64 = 0.6, "1";
+        /// Standard deviation of this part.
+        camber_part_sigma: f64 = 0.35, "1";
+        /// Standard deviation of the camber at rest.
+        camber_sigma_rad: f64 = 0.01, "rad";
         /// Standard deviation of the front axle's share of drive and brake force.
         drive_share: f64 = 0.1, "1";
         /// Standard deviation of a wheel's share of the longitudinal force of its axle.
