@@ -248,7 +248,9 @@ impl InertialForces {
             );
         let torque = |i: usize| self.of_torque(Wheel::ALL[i], input, loads[i].0);
         let measured: [Option<(f64, f64)>; 4] = std::array::from_fn(torque);
-        let parts = self.split(whole_n * input.speed_m_s);
+        // A standing vehicle is taken to drive off forwards.
+        let is_backward = input.speed_m_s < -self.tuning.backward_m_s;
+        let parts = self.split(if is_backward { -whole_n } else { whole_n });
         let open: f64 = (0..4)
             .filter(|i| measured[*i].is_none())
             .map(|i| parts[i])
@@ -280,9 +282,10 @@ impl InertialForces {
         })
     }
 
-    /// Part of each wheel of the longitudinal force of the vehicle: `power_w` is positive where it is driven.
-    fn split(&self, power_w: f64) -> [f64; 4] {
-        let front = if power_w > 0.0 {
+    /// Part of each wheel of the longitudinal force of the vehicle: `travel_n` is this force in
+    /// the direction of travel: positive where the vehicle is driven, negative where it brakes.
+    fn split(&self, travel_n: f64) -> [f64; 4] {
+        let front = if travel_n > 0.0 {
             self.handling.drive_split_front
         } else {
             self.handling.brake_split_front

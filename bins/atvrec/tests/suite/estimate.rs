@@ -249,7 +249,7 @@ fn a_vehicle_without_linkages_has_forces_from_its_inertial_unit() {
     let vehicle = testkit::project().join("testdata/second-vehicle-plain.toml");
     let assert = atvrec(directory.path())
         .args(["simulate", "--output", "drive.mcap", "--truth"])
-        .arg(testkit::truth::excerpt_path("f1_slalom_a"))
+        .arg(testkit::project().join("testdata/truth/f1_slalom_a.parquet"))
         .arg("--vehicle")
         .arg(vehicle)
         .assert()

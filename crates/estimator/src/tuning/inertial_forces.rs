@@ -17,6 +17,8 @@ tuning! {
         tilt_moment_part: f64 = 1.2, "1";
         /// Standard deviation of the yaw rate, beside that of the sensors file.
         yaw_rate_sigma_rad_s: f64 = 0.002, "rad/s";
+        /// Speed backwards from which a backward force drives and a forward force brakes.
+        backward_m_s: f64 = 0.3, "m/s";
         /// Excess of an identified roll gain over 1 below which it tells nothing of the roll stiffness.
         roll_gain_min: f64 = 0.005, "1";
         /// Pneumatic trail at small slip angles, as a part of the radius of the tyre.
