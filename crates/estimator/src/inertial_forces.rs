@@ -418,12 +418,18 @@ mod tests {
 
     /// Forces of the built-in vehicle in a steady state.
     fn steady(input: &InertialInput) -> (Vehicle, PerWheel<TyreForce>) {
+        after_5_s(|_| *input)
+    }
+
+    /// Forces of the built-in vehicle after 5 s of inputs, by the time in s.
+    fn after_5_s(input: impl Fn(f64) -> InertialInput) -> (Vehicle, PerWheel<TyreForce>) {
         let vehicle = Vehicle::builtin("prowler").unwrap();
         let sensors = Sensors::builtin(SENSORS).unwrap();
         let calibration = Resolved::new(&sensors, &Calibration::nominal(&vehicle.name)).unwrap();
         let tuning = InertialForcesTuning::default();
         let mut forces = InertialForces::new(&vehicle, &calibration, 0.001, &tuning);
-        let last = (0..500).map(|_| forces.step(input)).last().unwrap();
+        let steps = (0..500).map(|step| forces.step(&input(f64::from(step) * 0.01)));
+        let last = steps.last().unwrap();
         (vehicle, last)
     }
 
@@ -464,6 +470,45 @@ mod tests {
         let added =
             (100.0 * (back_m + body.front_axle_to_cg_m) + 400.0 * up_m) / vehicle.wheelbase_m();
         assert!((rear_n(&towing) - rear_n(&free) - added).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_trail_moves_lateral_force_to_the_leading_axle() {
+        for (speed, leading) in [(5.0, 0), (-5.0, 1)] {
+            let mut input = standing();
+            input.force_m_s2 = [0.0, 1.0, f64::NAN];
+            input.speed_m_s = speed;
+            let (vehicle, forces) = steady(&input);
+            let of_axle =
+                |axle: usize| forces.0[2 * axle].force_n[1] + forces.0[2 * axle + 1].force_n[1];
+            let whole = of_axle(0) + of_axle(1);
+            let body = &vehicle.body;
+            let arm_m = [body.cg_to_rear_axle_m, body.front_axle_to_cg_m][leading];
+            let trail_m = of_axle(leading) / whole * vehicle.wheelbase_m() - arm_m;
+            // At small slip angles a trail of 9 % of the radius, less the part that slides.
+            let most_m = 0.09 * vehicle.front.tyre.unloaded_radius_m;
+            assert!(
+                (0.8 * most_m..most_m).contains(&trail_m),
+                "{trail_m} {most_m}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_growing_pitch_rate_moves_load_to_the_rear() {
+        let rate = |time_s: f64| InertialInput {
+            rate_rad_s: [0.0, 0.5 * time_s, 0.0],
+            ..standing()
+        };
+        let (vehicle, still) = steady(&standing());
+        let (_, turning) = after_5_s(rate);
+        let rear_n = |forces: &PerWheel<TyreForce>| forces.0[2].force_n[2] + forces.0[3].force_n[2];
+        let moved_n = rear_n(&turning) - rear_n(&still);
+        let expected_n = vehicle.body.inertia_kg_m2[1] * 0.5 / vehicle.wheelbase_m();
+        assert!(
+            (moved_n / expected_n - 1.0).abs() < 0.05,
+            "{moved_n} {expected_n}"
+        );
     }
 
     #[test]
