@@ -31,12 +31,10 @@ fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
             frame.is_some_and(|frame| !frame.is_empty())
         })
     };
-    let (column, quantity, factor, unit) = if is_there("deflection_m") {
-        ("deflection_m", Quantity::Length, factor, metres)
-    } else if is_there("raw_counts") {
-        ("raw_counts", Quantity::Number, 1.0, "counts")
-    } else {
-        ("equivalent_counts", Quantity::Number, 1.0, "counts")
+    let (column, quantity, factor, unit) = match ["deflection_m", "raw_counts"].map(is_there) {
+        [true, _] => ("deflection_m", Quantity::Length, factor, metres),
+        [_, true] => ("raw_counts", Quantity::Number, 1.0, "counts"),
+        _ => ("equivalent_counts", Quantity::Number, 1.0, "counts"),
     };
     let mut velocity = panel("part of the time (%)", None);
     let mut spectrum = panel(format!("log10 of ({unit})²/Hz"), None);
