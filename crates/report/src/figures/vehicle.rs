@@ -7,8 +7,8 @@ use super::{Candidate, NO_ESTIMATES, WHEELS, panel, timed};
 use crate::options::Quantity;
 use crate::plot::{Data, Panel, Pen, Trace};
 
-const NO_FORCES: &str = "no tyre forces are estimated; they need strain channels or potentiometers, \
-     and a vehicle file with hard-points";
+const NO_FORCES: &str = "no tyre forces are estimated; they need a vehicle file, and an inertial unit \
+     with a speed and the steering wheel, or sensors on the suspension";
 
 /// Forces of the wheels, and those of the axles.
 pub fn forces(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
