@@ -1,18 +1,21 @@
 //! The command line.
 
+mod calibrate;
 mod examples;
 mod files;
 mod identify;
 mod import;
 mod init;
+mod logs;
 mod number;
 
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use sim::Manoeuvre;
 
+pub use calibrate::{CalibrateArgs, CalibrateCommand};
 pub use examples::EXAMPLES;
 pub use files::{CheckFilesArgs, DrawArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand};
 pub use identify::{
@@ -21,6 +24,10 @@ pub use identify::{
 };
 pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
 pub use init::InitArgs;
+pub use logs::{
+    Axis, EventsArgs, ExportArgs, InfoArgs, RecoverArgs, ReplayArgs, ReplayChanges, ReportArgs,
+    ScoreArgs, UnitSystem,
+};
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -190,214 +197,6 @@ pub struct RecordArgs {
     pub json: bool,
 }
 
-/// `atvrec replay`.
-#[derive(Debug, Args)]
-pub struct ReplayArgs {
-    /// Logs, in the order in which they were recorded.
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Write the raw data and the new estimate to this log.
-    #[arg(short, long, value_name = "FILE")]
-    pub output: Option<PathBuf>,
-    /// Use this configuration instead of the one in the log.
-    #[arg(short, long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// Changes of the log's configuration.
-    #[command(flatten)]
-    pub changes: ReplayChanges,
-    /// Write smoothed estimates too, on the topics /smoothed/... of the new log. A smoothed
-    /// estimate also uses the data of at least ten seconds after its time.
-    #[arg(long, requires = "output")]
-    pub smooth: bool,
-    /// Replay at this multiple of real time instead of at full speed.
-    #[arg(long, value_name = "FACTOR", value_parser = number::rate, allow_negative_numbers = true)]
-    pub rate: Option<f64>,
-    /// Play the log to a browser, Foxglove and Lichtblick, with pause, position and speed, until the
-    /// program is stopped. The speed at the beginning is --rate [default: 1].
-    #[cfg(feature = "live")]
-    #[arg(long, conflicts_with_all = ["output", "verify", "smooth", "json"])]
-    pub live: bool,
-    /// Address and port of the server with --live [default: 127.0.0.1:8765].
-    #[cfg(feature = "live")]
-    #[arg(long, value_name = "ADDRESS:PORT", requires = "live", value_parser = number::listen_address)]
-    pub listen: Option<std::net::SocketAddr>,
-    /// File with the token of the server with --live; needed on another address than loopback.
-    #[cfg(feature = "live")]
-    #[arg(long, value_name = "FILE", requires = "live")]
-    pub token_file: Option<PathBuf>,
-    /// Compare every message that was decoded or estimated while recording with the repeated one,
-    /// bit by bit. The exit code is 1 if one differs.
-    #[arg(long)]
-    pub verify: bool,
-    /// Print the result as JSON.
-    #[arg(long)]
-    pub json: bool,
-    /// Whether outputs may replace files.
-    #[command(flatten)]
-    pub replace: Replace,
-}
-
-/// Changes that a replay makes to the log's configuration.
-#[derive(Debug, Default, Args)]
-#[group(multiple = true, conflicts_with = "config")]
-pub struct ReplayChanges {
-    /// Use this vehicle file.
-    #[arg(long, value_name = "FILE")]
-    pub vehicle: Option<PathBuf>,
-    /// Apply these overrides (files of `identify -o`) to the vehicle file, after the overrides of
-    /// the log's configuration.
-    #[arg(long, value_name = "FILE", value_delimiter = ',')]
-    pub overrides: Vec<PathBuf>,
-    /// Use this sensors file.
-    #[arg(long, value_name = "FILE")]
-    pub sensors: Option<PathBuf>,
-    /// Use this calibration file.
-    #[arg(long, value_name = "FILE")]
-    pub calibration: Option<PathBuf>,
-    /// Payload of the vehicle file that is on the vehicle at the start, instead of those of the log;
-    /// can be given several times.
-    #[arg(long, value_name = "NAME", value_delimiter = ',')]
-    pub payload: Vec<String>,
-    /// Ignore these inputs too, as if the sensors were not fitted: strain, deflection, imu,
-    /// gnss_velocity, gnss_attitude, wheel_speed, steer, ground_speed,
-    /// hub_acceleration.
-    #[arg(long, value_name = "INPUT", value_delimiter = ',')]
-    pub without: Vec<String>,
-    /// Use these inputs, although the log's configuration ignores them.
-    #[arg(long, value_name = "INPUT", value_delimiter = ',')]
-    pub with: Vec<String>,
-    /// Estimate the forces with this method: fusion or thesis.
-    #[arg(long)]
-    pub method: Option<String>,
-}
-
-/// `atvrec report`.
-#[derive(Debug, Args)]
-pub struct ReportArgs {
-    /// Logs, in the order in which they were recorded.
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Report to write (HTML); it needs no network.
-    #[arg(short, long, default_value = "report.html", value_name = "FILE")]
-    pub output: PathBuf,
-    /// Leave out earlier data; seconds from the start of the log.
-    #[arg(long = "from", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
-    pub from_s: Option<f64>,
-    /// Leave out later data; seconds from the start of the log.
-    #[arg(long = "to", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
-    pub to_s: Option<f64>,
-    /// Show only 5 s around an event: its number in `atvrec events`, or the first one of a kind.
-    #[arg(long, value_name = "EVENT", conflicts_with_all = ["from_s", "to_s"])]
-    pub around: Option<String>,
-    /// Draw the estimates of these logs of another run beside this one.
-    #[arg(long, value_name = "LOG")]
-    pub against: Vec<PathBuf>,
-    /// Compare with the other run at the same time or at the same distance.
-    #[arg(long, value_enum, default_value = "time", requires = "against")]
-    pub by: Axis,
-    /// Divide the drive into laps at a gate of 50 m: latitude and longitude in degrees, and perhaps the
-    /// heading of travel from north. Several gates divide a lap.
-    #[arg(long, value_name = "LAT,LON[,HEADING]", value_parser = number::gate, allow_hyphen_values = true)]
-    pub gate: Vec<report::Gate>,
-    /// Divide the drive into laps at the place where it began.
-    #[arg(long, conflicts_with = "gate")]
-    pub laps: bool,
-    /// Abscissa of the figures when the page opens.
-    #[arg(long, value_enum, default_value = "time")]
-    pub axis: Axis,
-    /// Picture of the ground below the track: PNG or JPEG with a world file (.pgw, .jgw, .wld) beside it,
-    /// in degrees (EPSG:4326) or Web Mercator (EPSG:3857).
-    #[arg(long, value_name = "PICTURE")]
-    pub map: Option<PathBuf>,
-    /// MBTiles file with raster tiles (PNG, JPEG, WebP) of a map, which are drawn below the track. The page
-    /// contains at most 25 of them.
-    #[arg(long, value_name = "FILE")]
-    pub tiles: Option<PathBuf>,
-    /// Units: si (N, m/s), metric (kN, km/h), us (lbf, mph); angles are in degrees.
-    #[arg(long, value_enum, default_value = "si")]
-    pub units: UnitSystem,
-    /// Show the smoothed estimates of `replay --smooth` instead of the causal estimates.
-    #[arg(long)]
-    pub smoothed: bool,
-    /// Keep single samples of all curves of a long drive.
-    #[arg(long)]
-    pub full: bool,
-    /// Print the numbers behind the report as JSON, and write no page.
-    #[arg(long)]
-    pub json: bool,
-    /// Whether outputs may replace files.
-    #[command(flatten)]
-    pub replace: Replace,
-}
-
-/// What two runs have in common at a point of comparison.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Axis {
-    /// Seconds since the start.
-    Time,
-    /// Metres since the start.
-    Distance,
-}
-
-/// Units of a report.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum UnitSystem {
-    /// N, m/s, m.
-    Si,
-    /// kN, km/h, m.
-    Metric,
-    /// lbf, mph, ft.
-    Us,
-}
-
-/// `atvrec events`.
-#[derive(Debug, Args)]
-pub struct EventsArgs {
-    /// Logs, in the order in which they were recorded.
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Write 5 s before and after each event to this directory, as a log and as JSON.
-    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "events")]
-    pub snapshot: Option<PathBuf>,
-    /// Print JSON.
-    #[arg(long)]
-    pub json: bool,
-    /// Whether outputs may replace files.
-    #[command(flatten)]
-    pub replace: Replace,
-}
-
-/// `atvrec score`.
-#[derive(Debug, Args)]
-pub struct ScoreArgs {
-    /// Logs, in the order in which they were recorded.
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Compare with the estimates of these logs of the same drive instead of with the truth.
-    #[arg(long, value_name = "LOG")]
-    pub against: Vec<PathBuf>,
-    /// Score the smoothed estimates of `replay --smooth` instead of the causal estimates.
-    #[arg(long)]
-    pub smoothed: bool,
-    /// Print only the statistics of the filters' innovations, which need no truth.
-    #[arg(long, conflicts_with_all = ["against", "smoothed"])]
-    pub innovations: bool,
-    /// Score three simple methods on the same samples, too: deflection alone, the thesis's statics,
-    /// the vehicle model alone.
-    #[arg(long, conflicts_with_all = ["against", "innovations"])]
-    pub methods: bool,
-    /// Compare the forces after a low-pass, too: Butterworth of fourth order with this corner, forward
-    /// and backward, estimate and truth alike.
-    #[arg(long = "low-pass", value_name = "HZ", value_parser = number::low_pass_hz, conflicts_with_all = ["against", "innovations"], allow_negative_numbers = true)]
-    pub low_pass_hz: Option<f64>,
-    /// Ignore the first seconds, in which the estimator converges.
-    #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
-    pub from_s: f64,
-    /// Print JSON.
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// `atvrec demo`.
 #[derive(Debug, Args)]
 pub struct DemoArgs {
@@ -528,40 +327,6 @@ pub struct SimulateArgs {
     pub replace: Replace,
 }
 
-/// `atvrec info`.
-#[derive(Debug, Args)]
-pub struct InfoArgs {
-    /// Logs.
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Print JSON.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// `atvrec export`.
-#[derive(Debug, Args)]
-pub struct ExportArgs {
-    /// Logs, in the order in which they were recorded.
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Topic to export; `atvrec info` lists the topics of a log.
-    #[arg(short, long, value_name = "TOPIC")]
-    pub topic: String,
-    /// Table to write: .csv or .parquet. Without this option, CSV goes to standard output.
-    #[arg(short, long, value_name = "FILE")]
-    pub output: Option<PathBuf>,
-    /// Ignore earlier data; seconds from the start of the log.
-    #[arg(long = "from", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
-    pub from_s: Option<f64>,
-    /// Ignore later data; seconds from the start of the log.
-    #[arg(long = "to", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
-    pub to_s: Option<f64>,
-    /// Whether outputs may replace files.
-    #[command(flatten)]
-    pub replace: Replace,
-}
-
 /// `atvrec check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
@@ -588,124 +353,6 @@ impl CheckArgs {
         let named = self.file.as_deref().or(self.config.as_deref());
         named.unwrap_or(Path::new("atvrec.toml"))
     }
-}
-
-/// `atvrec calibrate`.
-#[derive(Debug, Subcommand)]
-pub enum CalibrateCommand {
-    /// Zero offsets of strain bridges and potentiometers, and faults of their channels, with the
-    /// wheels hanging free.
-    Zero(ZeroArgs),
-    /// Preload, rate and friction of the springs, from three or more loads on four scales.
-    Weight(WeightArgs),
-    /// Steering maps, play and centre position, from turn plates.
-    Steer(SteerArgs),
-    /// Gains and wiring of the strain bridges, from known forces on each wheel.
-    LoadRig(CalibrateArgs),
-    /// Bias and misalignment of the inertial unit, from rest in two opposite headings and a drive.
-    Imu(CalibrateArgs),
-    /// Antenna positions and latencies of the GNSS receivers, from a drive with turns.
-    Gnss(CalibrateArgs),
-    /// Rolling radius of each wheel, from straight driving at constant speed with GNSS.
-    WheelRadius(CalibrateArgs),
-    /// Bias and axes of the hub accelerometers, from rest and a drive with braking and turns.
-    Hub(CalibrateArgs),
-}
-
-impl CalibrateCommand {
-    /// Arguments that all steps share.
-    pub fn shared(&self) -> &CalibrateArgs {
-        match self {
-            Self::Zero(args) => &args.shared,
-            Self::Weight(args) => &args.shared,
-            Self::Steer(args) => &args.shared,
-            Self::LoadRig(args)
-            | Self::Imu(args)
-            | Self::Gnss(args)
-            | Self::WheelRadius(args)
-            | Self::Hub(args) => args,
-        }
-    }
-}
-
-/// Arguments that all steps of `atvrec calibrate` share.
-#[derive(Debug, Args)]
-pub struct CalibrateArgs {
-    /// Logs of the step, all of one vehicle.
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Calibration file to write; values of other steps in it are kept.
-    #[arg(short, long, default_value = "calibration.toml", value_name = "FILE")]
-    pub output: PathBuf,
-    /// Write a page with figures (HTML).
-    #[arg(long, value_name = "FILE")]
-    pub report: Option<PathBuf>,
-    /// Print JSON.
-    #[arg(long)]
-    pub json: bool,
-    /// Whether outputs may replace files.
-    #[command(flatten)]
-    pub replace: Replace,
-}
-
-/// `atvrec calibrate zero`.
-#[derive(Debug, Args)]
-pub struct ZeroArgs {
-    /// Arguments that all steps share.
-    #[command(flatten)]
-    pub shared: CalibrateArgs,
-    /// Standard deviation of the weight of the hanging parts, as a fraction of the weight.
-    #[arg(long, default_value = "0.02", value_name = "FRACTION", value_parser = number::fraction, allow_negative_numbers = true)]
-    pub weight_sigma: f64,
-}
-
-/// `atvrec calibrate weight`.
-#[derive(Debug, Args)]
-pub struct WeightArgs {
-    /// Arguments that all steps share.
-    #[command(flatten)]
-    pub shared: CalibrateArgs,
-    /// Scale readings FL,FR,RL,RR in N (or "... kg"), once for each log, in the order of the logs.
-    /// Without this option, the marks `scales FL FR RL RR` in the logs are used.
-    #[arg(long, value_name = "LOADS")]
-    pub scales: Vec<String>,
-}
-
-/// `atvrec calibrate steer`.
-#[derive(Debug, Args)]
-pub struct SteerArgs {
-    /// Arguments that all steps share.
-    #[command(flatten)]
-    pub shared: CalibrateArgs,
-    /// Standard deviation of a reading of a turn plate, degrees.
-    #[arg(long, default_value = "0.1", value_name = "DEGREES", value_parser = number::angle_deg, allow_negative_numbers = true)]
-    pub plate_sigma_deg: f64,
-}
-
-// A paragraph is one line: it is wrapped where it is printed.
-const RECOVER_HELP: &str = "\
-Recovery saves every chunk with a correct checksum, at any position in the file, and the arrivals in \
-the journals of an unfinished log. If a kill cut the end of a log, nothing is lost as long as the \
-journals contain the arrivals of that end.
-
-If anything is lost, the original is kept as LOG.damaged beside the recovered log, the loss is printed \
-and written into the recovered log (metadata atvrec.recovered), and the exit code is 3.
-
-In a directory, an unfinished log that cannot be recovered (not a log, a directory, a chunk above \
---max-chunk) is renamed to NAME.unrecoverable and is not tried again. If the disk has no space for \
-the recovered copy, nothing is changed.";
-
-/// `atvrec recover`.
-#[derive(Debug, Args)]
-#[command(after_help = RECOVER_HELP)]
-pub struct RecoverArgs {
-    /// Logs, or directories; in a directory, the unfinished logs (`*.active`) are recovered.
-    #[arg(required = true, value_name = "PATH")]
-    pub paths: Vec<PathBuf>,
-    /// Save also records that no checksum confirms: the beginning of a chunk that was cut, chunks
-    /// without a checksum, messages outside of chunks. The recovered log is marked as unchecked.
-    #[arg(long)]
-    pub unchecked: bool,
 }
 
 /// Control socket of the running recorder.

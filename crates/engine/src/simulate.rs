@@ -67,6 +67,8 @@ pub fn simulate<E: From<Error>>(
 }
 
 #[cfg(test)]
+mod drives;
+#[cfg(test)]
 mod late_tests;
 #[cfg(test)]
 mod tests;

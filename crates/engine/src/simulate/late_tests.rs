@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use sample::{EventKind, ForceFrame, LogTime, PerWheel, TyreForce, Wheel};
-use sim::{Options, Output, Port};
+use sim::{Output, Port};
 use store::{Record, Stage};
 
+use super::drives::of_prowler;
 use super::*;
-use crate::FileSource;
 use crate::virtual_drive::{Course, Drive};
 
 /// What is between the devices and the recorder.
@@ -57,13 +57,9 @@ fn drive(truth: Option<&str>, sensors: &str, seed: u64, seconds: f64) -> Drive {
     };
     Drive {
         course,
-        road: None,
-        vehicle: FileSource::Path("prowler".into()),
-        sensors: FileSource::Path(sensors.into()),
-        payload: Vec::new(),
         seed,
-        options: Options::default(),
         duration_s: Some(seconds),
+        ..of_prowler("mixed-driving", sensors)
     }
 }
 

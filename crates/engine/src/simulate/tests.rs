@@ -8,21 +8,18 @@ use sample::{DeviceTime, EventKind, LogTime, Measurement, PerWheel, TyreForce, W
 use sim::{HubAxisFault, HubAxisFaultKind, HubFault, InertialUnit, Options, VelocityReceiver};
 use store::Record;
 
+use super::drives::of_prowler;
 use super::*;
 use crate::FileSource;
-use crate::virtual_drive::{Course, Drive};
+use crate::virtual_drive::Drive;
 
 /// A drive with hub accelerometers: what was recorded, the records, and the true calibration.
 fn drive(manoeuvre: &str, seed: u64, options: Options) -> (Recording, Vec<Record>, Calibration) {
     let mut simulated = VirtualDrive::new(&Drive {
-        course: Course::Manoeuvre(manoeuvre.to_owned()),
-        road: None,
-        vehicle: FileSource::Path("prowler".into()),
-        sensors: FileSource::Path("full-bridge-16bit-hub".into()),
-        payload: Vec::new(),
         seed,
         options,
         duration_s: Some(40.0),
+        ..of_prowler(manoeuvre, "full-bridge-16bit-hub")
     })
     .expect("a drive");
     let config = simulated.config().expect("a configuration");
@@ -186,14 +183,8 @@ fn potentiometers_along_the_tie_rods_give_the_motion_of_the_encoder() {
     let by_rods = format!("{}{rods}{}", &encoder[..begin], &encoder[end..]);
     let motions = [encoder, &by_rods].map(|sensors| {
         let mut simulated = VirtualDrive::new(&Drive {
-            course: Course::Manoeuvre("slow-sine".to_owned()),
-            road: None,
-            vehicle: FileSource::Path("prowler".into()),
             sensors: FileSource::Text(sensors.to_owned()),
-            payload: Vec::new(),
-            seed: 11,
-            options: Options::default(),
-            duration_s: None,
+            ..of_prowler("slow-sine", "thesis-10bit")
         })
         .expect("a drive");
         let mut config = simulated.config().expect("a configuration");
@@ -240,14 +231,8 @@ fn potentiometers_along_the_tie_rods_give_the_motion_of_the_encoder() {
 fn the_truth_has_the_class_of_the_road() {
     let road_class = |road: Option<&str>| {
         let simulated = VirtualDrive::new(&Drive {
-            course: Course::Manoeuvre("fast-sine".to_owned()),
             road: road.map(str::to_owned),
-            vehicle: FileSource::Path("prowler".into()),
-            sensors: FileSource::Path("thesis-10bit".into()),
-            payload: Vec::new(),
-            seed: 11,
-            options: Options::default(),
-            duration_s: None,
+            ..of_prowler("fast-sine", "thesis-10bit")
         })
         .expect("a drive");
         match simulated.truth(1.0) {
@@ -323,14 +308,8 @@ fn hub_accelerations_are_recorded_and_used() {
         estimates.map(|record| format!("{record:?}")).collect()
     };
     let mut simulated = VirtualDrive::new(&Drive {
-        course: Course::Manoeuvre("slow-sine".to_owned()),
-        road: None,
-        vehicle: FileSource::Path("prowler".into()),
-        sensors: FileSource::Path("full-bridge-16bit".into()),
-        payload: Vec::new(),
-        seed: 11,
-        options: Options::default(),
         duration_s: Some(40.0),
+        ..of_prowler("slow-sine", "full-bridge-16bit")
     })
     .expect("a drive");
     let config = simulated.config().expect("a configuration");
@@ -362,14 +341,9 @@ type Forces = BTreeMap<LogTime, PerWheel<TyreForce>>;
 /// wheel, after `from_s`. The estimator knows of `known` at the start and gets `marks`.
 fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Vec<String>) {
     let mut simulated = VirtualDrive::new(&Drive {
-        course: Course::Manoeuvre("slow-sine".to_owned()),
-        road: None,
         vehicle: FileSource::Text(with_driver()),
-        sensors: FileSource::Path("thesis-10bit".into()),
         payload: vec!["driver".to_owned()],
-        seed: 11,
-        options: Options::default(),
-        duration_s: None,
+        ..of_prowler("slow-sine", "thesis-10bit")
     })
     .expect("a drive");
     let text = simulated.configuration(&crate::Ports {

@@ -9,15 +9,16 @@ use model::vehicle::Vehicle;
 use sample::{
     CanFrame, LogTime, Measurement, Payload, STANDARD_GRAVITY_M_S2, StrainChannel, Wheel,
 };
-use sim::{Options, Output, Port};
+use sim::{Output, Port};
 use store::Record;
 use wire::crossbow440::{Decoder, PacketRate};
 use wire::dbc::Database;
 
+use super::drives::of_prowler;
 use super::*;
 use crate::FileSource;
 use crate::config::{Config, PROJECT_DBC_TEXT};
-use crate::virtual_drive::{Course, Drive, Ports};
+use crate::virtual_drive::{Drive, Ports};
 
 /// Largest difference of the forces (root mean square), parts of the largest force: steps of 0.01 mm and
 /// 0.01 km/h in the place of counts, and the clock of another bus for the inertial unit.
@@ -151,16 +152,7 @@ impl Recoder {
 }
 
 fn slow_sine() -> Drive {
-    Drive {
-        course: Course::Manoeuvre("slow-sine".to_owned()),
-        road: None,
-        vehicle: FileSource::Path("prowler".into()),
-        sensors: FileSource::Path("thesis-10bit".into()),
-        payload: Vec::new(),
-        seed: 11,
-        options: Options::default(),
-        duration_s: None,
-    }
+    of_prowler("slow-sine", "thesis-10bit")
 }
 
 /// The configuration of the virtual vehicle with the inertial unit on the bus of the other DBC file.

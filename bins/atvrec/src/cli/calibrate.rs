@@ -1,0 +1,99 @@
+//! `atvrec calibrate`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::{Replace, number};
+
+/// `atvrec calibrate`.
+#[derive(Debug, Subcommand)]
+pub enum CalibrateCommand {
+    /// Zero offsets of strain bridges and potentiometers, and faults of their channels, with the
+    /// wheels hanging free.
+    Zero(ZeroArgs),
+    /// Preload, rate and friction of the springs, from three or more loads on four scales.
+    Weight(WeightArgs),
+    /// Steering maps, play and centre position, from turn plates.
+    Steer(SteerArgs),
+    /// Gains and wiring of the strain bridges, from known forces on each wheel.
+    LoadRig(CalibrateArgs),
+    /// Bias and misalignment of the inertial unit, from rest in two opposite headings and a drive.
+    Imu(CalibrateArgs),
+    /// Antenna positions and latencies of the GNSS receivers, from a drive with turns.
+    Gnss(CalibrateArgs),
+    /// Rolling radius of each wheel, from straight driving at constant speed with GNSS.
+    WheelRadius(CalibrateArgs),
+    /// Bias and axes of the hub accelerometers, from rest and a drive with braking and turns.
+    Hub(CalibrateArgs),
+}
+
+impl CalibrateCommand {
+    /// Arguments that all steps share.
+    pub fn shared(&self) -> &CalibrateArgs {
+        match self {
+            Self::Zero(args) => &args.shared,
+            Self::Weight(args) => &args.shared,
+            Self::Steer(args) => &args.shared,
+            Self::LoadRig(args)
+            | Self::Imu(args)
+            | Self::Gnss(args)
+            | Self::WheelRadius(args)
+            | Self::Hub(args) => args,
+        }
+    }
+}
+
+/// Arguments that all steps of `atvrec calibrate` share.
+#[derive(Debug, Args)]
+pub struct CalibrateArgs {
+    /// Logs of the step, all of one vehicle.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Calibration file to write; values of other steps in it are kept.
+    #[arg(short, long, default_value = "calibration.toml", value_name = "FILE")]
+    pub output: PathBuf,
+    /// Write a page with figures (HTML).
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
+/// `atvrec calibrate zero`.
+#[derive(Debug, Args)]
+pub struct ZeroArgs {
+    /// Arguments that all steps share.
+    #[command(flatten)]
+    pub shared: CalibrateArgs,
+    /// Standard deviation of the weight of the hanging parts, as a fraction of the weight.
+    #[arg(long, default_value = "0.02", value_name = "FRACTION", value_parser = number::fraction, allow_negative_numbers = true)]
+    pub weight_sigma: f64,
+}
+
+/// `atvrec calibrate weight`.
+#[derive(Debug, Args)]
+pub struct WeightArgs {
+    /// Arguments that all steps share.
+    #[command(flatten)]
+    pub shared: CalibrateArgs,
+    /// Scale readings FL,FR,RL,RR in N (or "... kg"), once for each log, in the order of the logs.
+    /// Without this option, the marks `scales FL FR RL RR` in the logs are used.
+    #[arg(long, value_name = "LOADS")]
+    pub scales: Vec<String>,
+}
+
+/// `atvrec calibrate steer`.
+#[derive(Debug, Args)]
+pub struct SteerArgs {
+    /// Arguments that all steps share.
+    #[command(flatten)]
+    pub shared: CalibrateArgs,
+    /// Standard deviation of a reading of a turn plate, degrees.
+    #[arg(long, default_value = "0.1", value_name = "DEGREES", value_parser = number::angle_deg, allow_negative_numbers = true)]
+    pub plate_sigma_deg: f64,
+}
