@@ -40,7 +40,7 @@ const SPREAD_MAX_S: f64 = 0.04;
 const PORT_TOLERANCE_S: f64 = 0.0002;
 /// The same of a device that writes lines: long lines take longer.
 const LINE_TOLERANCE_S: f64 = 0.006;
-/// The same on a bus, on which a frame waits for others.
+/// The same on a bus without stamps, on which a frame waits for others.
 const BUS_TOLERANCE_S: f64 = 0.001;
 /// Part of the interval by which the messages after a loss are late.
 const LOST_PART: f64 = 0.75;
@@ -50,9 +50,10 @@ const SPACED_PART: f64 = 0.5;
 const WINDOW_S: f64 = 1.0;
 /// Number of minima that are kept: within their time, the clocks drift apart by some tenths of a
 /// millisecond at most.
-const WINDOWS: usize = 3;
-/// Largest difference of a fitted time from the stamp of an adapter, ns: half its resolution, and the drift.
-const STAMP_TOLERANCE_NS: i64 = 700_000;
+const WINDOWS: usize = 5;
+/// Largest difference of a fitted time from the stamp of an adapter, ns: half its resolution, and the least
+/// delay and the drift that its offset contains.
+const STAMP_TOLERANCE_NS: i64 = 1_100_000;
 /// Number of consecutive late messages after which one was lost.
 const BEHIND_MAX: u32 = 20;
 /// Time without a message after which the origin is found again, s: of devices that do not count, and of
@@ -87,8 +88,9 @@ pub struct RateClock {
     least_s: VecDeque<f64>,
     /// Begin of the newest of them, s since the origin.
     window_s: f64,
-    /// Arrivals from which the rate is learnt.
-    learning: Vec<LogTime>,
+    /// Messages from which the rate is learnt: when each was sent, as far as that is known without the rate,
+    /// and when it arrived.
+    learning: Vec<[LogTime; 2]>,
     /// Consecutive messages that are late by an interval, and the least delay of them, s.
     behind: (u32, f64),
     /// Last times at which the offset was found again.
@@ -124,12 +126,17 @@ impl RateClock {
 
     /// Instant of the next message, which arrived at `arrived`; never later than that.
     pub fn push(&mut self, steps: Steps, arrived: LogTime) -> LogTime {
+        self.push_sent(steps, arrived, arrived)
+    }
+
+    /// The same of a message that was sent at about `sent`.
+    fn push_sent(&mut self, steps: Steps, arrived: LogTime, sent: LogTime) -> LogTime {
         let before = self.last.replace(arrived);
         if self.is_off {
             return arrived;
         }
         let Some(interval_s) = self.interval_s else {
-            self.learn(arrived);
+            self.learn([sent, arrived]);
             return arrived;
         };
         let gap_s = before.map_or(f64::INFINITY, |before| arrived.seconds_since(before));
@@ -197,24 +204,25 @@ impl RateClock {
         instant
     }
 
-    fn learn(&mut self, arrived: LogTime) {
-        self.learning.push(arrived);
+    fn learn(&mut self, message: [LogTime; 2]) {
+        self.learning.push(message);
         let count = self.learning.len();
         if !LEARN.contains(&count) {
             return;
         }
         let most = LEARN[LEARN.len() - 1];
-        let learnt = punctual_interval(&self.learning);
-        let learnt = learnt.or_else(|| interval(&self.learning).filter(|_| count == most));
+        let sent: Vec<LogTime> = self.learning.iter().map(|[sent, _]| *sent).collect();
+        let learnt = punctual_interval(&sent);
+        let learnt = learnt.or_else(|| interval(&sent).filter(|_| count == most));
         let Some(interval_s) = learnt else {
             if count == most {
                 self.learning.clear();
             }
             return;
         };
-        let arrivals = std::mem::take(&mut self.learning);
+        let messages = std::mem::take(&mut self.learning);
         self.interval_s = Some(interval_s);
-        for (number, arrived) in (0..).zip(arrivals) {
+        for (number, [_, arrived]) in (0..).zip(messages) {
             if number == 0 {
                 self.restart(arrived);
             }
@@ -254,7 +262,7 @@ impl RateClocks {
         }
         let (clock, last_stamp) = self.0.entry(key).or_insert_with(|| {
             let clock = RateClock {
-                tolerance_s: BUS_TOLERANCE_S,
+                tolerance_s: coarse.map_or(BUS_TOLERANCE_S, |_| PORT_TOLERANCE_S),
                 ..RateClock::new(None)
             };
             (clock, None)
@@ -266,9 +274,9 @@ impl RateClocks {
             }
             _ => Steps::Unknown,
         };
-        let late_ns = arrived - clock.push(steps, arrived);
+        let sent = LogTime(arrived.0.saturating_add_signed(-otherwise));
+        let late_ns = arrived - clock.push_sent(steps, arrived, sent);
         match coarse {
-            Some(0) => 0,
             Some(coarse) if (late_ns - coarse).abs() > STAMP_TOLERANCE_NS => coarse,
             _ => late_ns,
         }
