@@ -56,7 +56,7 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
 }
 
 fn lacks_wishbone(vehicle: &Vehicle) -> bool {
-    any_axle(vehicle, |axle| axle.wishbone.is_none())
+    any_axle(vehicle, |axle| !axle.has_hard_points())
 }
 
 fn any_axle(vehicle: &Vehicle, is: impl Fn(&model::vehicle::Axle) -> bool) -> bool {

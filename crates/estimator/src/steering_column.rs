@@ -63,7 +63,7 @@ fn straightened(vehicle: &Vehicle) -> Result<MonotoneMap, EstimatorError> {
     let mut design = vehicle.clone();
     design.steering.left_map_rad.clear();
     design.steering.right_map_rad.clear();
-    let linked = design.steering.rack_m_rad.is_some() && design.front.wishbone.is_some();
+    let linked = design.steering.rack_m_rad.is_some() && design.front.has_hard_points();
     let by_design = SteeringGear::from_vehicle(&design)?;
     let points: Vec<[f64; 2]> = (-SAMPLES..=SAMPLES)
         .map(|sample| {

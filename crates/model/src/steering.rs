@@ -41,31 +41,32 @@ impl SteeringGear {
     /// Where the maps are not monotone or the hard-points do not assemble.
     pub fn from_vehicle(vehicle: &Vehicle) -> Result<Self, Error> {
         let steering = &vehicle.steering;
-        let (left, right) =
-            if !steering.left_map_rad.is_empty() && !steering.right_map_rad.is_empty() {
-                (
-                    MonotoneMap::new(&steering.left_map_rad)?,
-                    MonotoneMap::new(&steering.right_map_rad)?,
-                )
-            } else if let (Some(rack), Some(_)) = (steering.rack_m_rad, &vehicle.front.wishbone) {
-                (
-                    rack_map(vehicle, Wheel::FrontLeft, rack)?,
-                    rack_map(vehicle, Wheel::FrontRight, rack)?,
-                )
-            } else {
-                let pairs = |side: usize| -> Vec<[f64; 2]> {
-                    (-16..=16)
-                        .map(|step| {
-                            let mean = f64::from(step) / 16.0 * 0.6;
-                            let length = vehicle.wheelbase_m();
-                            let exact = ackermann(mean, length, vehicle.front.track_m);
-                            let angle = mean + steering.ackermann * (exact[side] - mean);
-                            [mean * steering.ratio, angle]
-                        })
-                        .collect()
-                };
-                (MonotoneMap::new(&pairs(0))?, MonotoneMap::new(&pairs(1))?)
+        let (left, right) = if !steering.left_map_rad.is_empty()
+            && !steering.right_map_rad.is_empty()
+        {
+            (
+                MonotoneMap::new(&steering.left_map_rad)?,
+                MonotoneMap::new(&steering.right_map_rad)?,
+            )
+        } else if let (Some(rack), true) = (steering.rack_m_rad, vehicle.front.has_hard_points()) {
+            (
+                rack_map(vehicle, Wheel::FrontLeft, rack)?,
+                rack_map(vehicle, Wheel::FrontRight, rack)?,
+            )
+        } else {
+            let pairs = |side: usize| -> Vec<[f64; 2]> {
+                (-16..=16)
+                    .map(|step| {
+                        let mean = f64::from(step) / 16.0 * 0.6;
+                        let length = vehicle.wheelbase_m();
+                        let exact = ackermann(mean, length, vehicle.front.track_m);
+                        let angle = mean + steering.ackermann * (exact[side] - mean);
+                        [mean * steering.ratio, angle]
+                    })
+                    .collect()
             };
+            (MonotoneMap::new(&pairs(0))?, MonotoneMap::new(&pairs(1))?)
+        };
         Ok(Self {
             left,
             right,
@@ -115,7 +116,7 @@ impl SteeringGear {
 fn rack_map(vehicle: &Vehicle, wheel: Wheel, rack_m_rad: f64) -> Result<MonotoneMap, Error> {
     let degenerate = |_| Error::MissingPart {
         vehicle: vehicle.name.clone(),
-        part: "front.wishbone that assembles",
+        part: "a front linkage that assembles",
         model: "the rack's steering map",
     };
     let corner = Corner::of(vehicle, wheel).map_err(degenerate)?;

@@ -146,6 +146,9 @@ pub struct Axle {
     /// Double-wishbone hard-points of the left corner.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wishbone: Option<Wishbone>,
+    /// Hard-points of the left corner's MacPherson strut.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub macpherson: Option<Macpherson>,
     /// Tyre of one corner.
     pub tyre: Tyre,
 }
@@ -240,6 +243,38 @@ pub struct Wishbone {
     pub tie_rod_inner_m: [f64; 3],
     /// Tie rod, end at the upright.
     pub tie_rod_outer_m: [f64; 3],
+}
+
+/// Hard-points of a left-hand MacPherson strut, axle frame, design position, m. The strut's tube is part of
+/// the upright. Its rod is held by a ball joint at the body, along which the upright slides and about which it
+/// turns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Macpherson {
+    /// Wheel centre.
+    pub wheel_centre_m: [f64; 3],
+    /// Lower arm, front hinge.
+    pub lower_front_m: [f64; 3],
+    /// Lower arm, rear hinge.
+    pub lower_rear_m: [f64; 3],
+    /// Lower ball joint.
+    pub lower_ball_m: [f64; 3],
+    /// Strut, ball joint at the body.
+    pub strut_top_m: [f64; 3],
+    /// Strut, lower end of spring and damper on the upright: a point of the strut's axis.
+    pub strut_low_m: [f64; 3],
+    /// Tie rod (rear axle: toe link), end at the rack or chassis.
+    pub tie_rod_inner_m: [f64; 3],
+    /// Tie rod, end at the upright.
+    pub tie_rod_outer_m: [f64; 3],
+}
+
+impl Axle {
+    /// Whether the file tells the linkage by hard-points.
+    #[must_use]
+    pub fn has_hard_points(&self) -> bool {
+        self.wishbone.is_some() || self.macpherson.is_some()
+    }
 }
 
 /// Tyre of one corner.

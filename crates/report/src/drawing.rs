@@ -25,17 +25,20 @@ const STYLE: &str = "text{font:14px sans-serif;fill:#111}.small{font-size:12px}.
 pub enum DrawingError {
     /// No axle has hard-points.
     #[error(
-        "the vehicle file has no hard-points; add [front.wishbone] and [front.strut], or the same of the rear axle"
+        "the vehicle file has no hard-points; add [front.wishbone] or [front.macpherson], and [front.strut], or the same \
+         of the rear axle"
     )]
     NoPoints,
     /// A linkage does not reach its travel.
     #[error(
         "the linkage of the {axle} axle does not reach {place}: {source}; check the points of \
-         [{axle}.wishbone] and the lengths of [{axle}.strut]"
+         [{axle}.{table}] and the lengths of [{axle}.strut]"
     )]
     Travel {
         /// `front` or `rear`.
         axle: &'static str,
+        /// Table of the hard-points.
+        table: &'static str,
         /// Where in the travel.
         place: &'static str,
         /// What the linkage says.
@@ -83,6 +86,7 @@ fn escaped(text: &str) -> String {
 struct Drawn<'a> {
     axle: &'static str,
     points: &'a HardPoints,
+    is_strut: bool,
     /// Design, bump, droop.
     poses: [CornerPose; 3],
     curve: Vec<JouncePoint>,
@@ -106,6 +110,11 @@ impl<'a> Drawn<'a> {
         let travel = |place| {
             move |source| DrawingError::Travel {
                 axle,
+                table: if of_axle.wishbone.is_some() {
+                    "wishbone"
+                } else {
+                    "macpherson"
+                },
                 place,
                 source,
             }
@@ -126,6 +135,7 @@ impl<'a> Drawn<'a> {
         Ok(Some(Self {
             axle,
             points: &corner.points,
+            is_strut: of_axle.wishbone.is_none(),
             poses,
             curve,
             radius_m,
@@ -140,7 +150,9 @@ impl<'a> Drawn<'a> {
 
     fn write(&self, out: &mut String, top: f64) {
         let outer_m = self.points.wheel_centre.y - self.middle_m + 0.15;
-        let size_m = (outer_m + 0.05).max(1.0);
+        let size_m = (outer_m + 0.05)
+            .max(self.points.strut_chassis.z + 0.1)
+            .max(1.0);
         let views = [
             View {
                 left: 20.0,
@@ -193,9 +205,21 @@ impl<'a> Drawn<'a> {
     }
 
     /// Points of the file in the design position.
-    fn named(&self) -> [(&'static str, Vector3<f64>); 11] {
+    fn named(&self) -> Vec<(&'static str, Vector3<f64>)> {
         let p = self.points;
-        [
+        if self.is_strut {
+            return vec![
+                ("wheel_centre_m", p.wheel_centre),
+                ("lower_front_m", p.lower_front),
+                ("lower_rear_m", p.lower_rear),
+                ("lower_ball_m", p.lower_ball),
+                ("strut_top_m", p.strut_chassis),
+                ("strut_low_m", p.strut_arm),
+                ("tie_rod_inner_m", p.tie_rod_inner),
+                ("tie_rod_outer_m", p.tie_rod_outer),
+            ];
+        }
+        vec![
             ("wheel_centre_m", p.wheel_centre),
             ("upper_front_m", p.upper_front),
             ("upper_rear_m", p.upper_rear),
@@ -226,7 +250,12 @@ impl<'a> Drawn<'a> {
         }
         let p = self.points;
         for (pose, class) in self.poses.iter().zip(["design", "bump", "droop"]) {
-            let upright = [pose.upper_ball_m, pose.lower_ball_m, pose.tie_rod_outer_m];
+            let upper_m = if self.is_strut {
+                pose.strut_arm_m
+            } else {
+                pose.upper_ball_m
+            };
+            let upright = [upper_m, pose.lower_ball_m, pose.tie_rod_outer_m];
             line(class, &[p.upper_front, pose.upper_ball_m, p.upper_rear]);
             line(class, &[p.lower_front, pose.lower_ball_m, p.lower_rear]);
             line(class, &upright);
@@ -332,6 +361,16 @@ mod tests {
         // The lower ball joint of the front axle in the view from the rear.
         assert!(drawing.contains("7 lower_ball_m"));
         assert!(drawing.contains("0.006, 0.470, 0.225"));
+    }
+
+    #[test]
+    fn a_strut_is_drawn_with_the_names_of_its_points() {
+        let text = include_str!("../../../testdata/vehicle-with-struts.toml");
+        let vehicle = Vehicle::from_toml(text, "vehicle-with-struts.toml").unwrap();
+        let drawing = linkages(&vehicle).unwrap();
+        assert!(!drawing.contains("NaN"));
+        assert_eq!(drawing.matches("<circle").count(), 2 * 2 * 8);
+        assert!(drawing.contains("5 strut_top_m") && !drawing.contains("upper_ball_m"));
     }
 
     #[test]

@@ -415,7 +415,8 @@ impl Linkage {
 impl LinkedCorner {
     fn new(vehicle: &Vehicle, wheel: Wheel) -> Result<Option<Self>, SimError> {
         let axle = vehicle.axle(wheel);
-        let (Some(_), Some(unsprung), Some(strut)) = (&axle.wishbone, &axle.unsprung, &axle.strut)
+        let (true, Some(unsprung), Some(strut)) =
+            (axle.has_hard_points(), &axle.unsprung, &axle.strut)
         else {
             return Ok(None);
         };
@@ -571,7 +572,7 @@ fn fill(truth: &mut WheelTruth, stance: &Stance) {
         truth.link_force_n = forces;
     }
     if truth.ball_normal_n.is_nan() {
-        truth.ball_normal_n = members.sixth_n;
+        truth.ball_normal_n = stance.statics.ball_normal_n(&members);
     }
     if truth.steer_rad.is_nan() {
         truth.steer_rad = stance.pose.steer_rad();

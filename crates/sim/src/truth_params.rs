@@ -295,6 +295,7 @@ impl Params {
             unsprung: Some(self.unsprung_per_corner.corner(points)),
             strut: Some(linkage.strut()),
             wishbone: Some(points.wishbone()),
+            macpherson: None,
             tyre: Tyre {
                 unloaded_radius_m: tyre.unloaded_radius_m,
                 vertical_stiffness_n_m: tyre.vertical_n_m,

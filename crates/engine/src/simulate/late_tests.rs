@@ -9,6 +9,7 @@ use store::{Record, Stage};
 
 use super::drives::of_prowler;
 use super::*;
+use crate::FileSource;
 use crate::virtual_drive::{Course, Drive};
 
 /// What is between the devices and the recorder.
@@ -381,6 +382,35 @@ fn channels_with_a_higher_rate_reduce_the_errors() {
     let [slow, quick] = [100.0, 500.0].map(at_rate);
     for (axis, most) in [0.93, 0.9, 1.05].into_iter().enumerate() {
         assert!(quick[axis] < most * slow[axis], "{slow:?} {quick:?}");
+    }
+}
+
+/// MacPherson struts in the place of double wishbones: their bending and axial bridges give the forces.
+#[test]
+fn a_vehicle_with_struts_has_forces() {
+    let vehicle = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../testdata/vehicle-with-struts.toml"
+    );
+    for (manoeuvre, seconds, largest) in [
+        ("slow-sine", 20.0, [1.8, 1.6, 0.5]),
+        ("rough-road", 15.0, [4.5, 3.0, 3.0]),
+    ] {
+        let drive = Drive {
+            vehicle: FileSource::Path(vehicle.into()),
+            duration_s: Some(seconds),
+            ..of_prowler(manoeuvre, "thesis-10bit")
+        };
+        let outcome = run(&drive, Delay::None, Stamps::Kernel);
+        println!("{manoeuvre}: {:.2?}", outcome.errors);
+        assert_eq!(outcome.faults, Vec::<String>::new());
+        for axis in 0..3 {
+            assert!(
+                outcome.errors[1][axis] < largest[axis],
+                "{:?}",
+                outcome.errors
+            );
+        }
     }
 }
 

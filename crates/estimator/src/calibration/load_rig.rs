@@ -188,7 +188,7 @@ pub fn members(
         moment_n_m: Vector3::new(-height_m * y, height_m * x, 0.0),
     });
     let arm_m = sensors.strain.bending_moment_per_ball_normal_m();
-    let moment = members.sixth_n * arm_m.unwrap_or(1.0);
+    let moment = statics.ball_normal_n(&members) * arm_m.unwrap_or(1.0);
     let forces = members.to_vector();
     Ok([
         forces[0], forces[1], forces[2], forces[3], forces[4], moment, moment,

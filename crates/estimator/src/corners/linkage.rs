@@ -48,7 +48,7 @@ impl Linkage {
     ) -> Result<Option<Self>, SuspensionError> {
         let axle = vehicle.axle(wheel);
         let (Some(strut), Some(unsprung), true) =
-            (&axle.strut, &axle.unsprung, axle.wishbone.is_some())
+            (&axle.strut, &axle.unsprung, axle.has_hard_points())
         else {
             return Ok(None);
         };

@@ -46,6 +46,7 @@ const VEHICLE: File = File {
         ("front.unsprung", "Unsprung"),
         ("front.strut", "Strut"),
         ("front.wishbone", "Wishbone"),
+        ("front.macpherson", "Macpherson"),
         ("front.tyre", "Tyre"),
         ("steering", "Steering"),
         ("drivetrain", "Drivetrain"),

@@ -164,7 +164,7 @@ mod tests {
             whole += 1;
             let modes: Vec<_> = car.poles().into_iter().map(frequency_and_damping).collect();
             assert!(modes.iter().all(|[_, damping]| *damping > 0.0), "{name}");
-            if vehicle.front.wishbone.is_some() {
+            if vehicle.front.has_hard_points() {
                 // Chang's dampers hold the wheels so hard that they do not hop.
                 let hops = modes
                     .iter()

@@ -235,7 +235,12 @@ impl CornerMotion {
         let p = &corner.points;
         let share = |hinge: Vector3<f64>, axis: Vector3<f64>, cg: Vector3<f64>, ball| {
             let distance = |point: Vector3<f64>| axis.cross(&(point - hinge)).norm();
-            distance(cg) / distance(ball)
+            let of_ball = distance(ball);
+            if of_ball > 0.0 {
+                distance(cg) / of_ball
+            } else {
+                0.0
+            }
         };
         let upper = share(
             p.upper_rear,

@@ -53,13 +53,13 @@ impl RideCorner {
             axle: if wheel.is_front() { "front" } else { "rear" },
             table: "unsprung",
         })?;
-        let ratio = match (&axle.wishbone, &axle.strut) {
-            (Some(_), Some(_)) => {
+        let ratio = match (axle.has_hard_points(), &axle.strut) {
+            (true, Some(_)) => {
                 let corner = Corner::of(vehicle, wheel)?;
                 let pose = corner.pose_at_jounce(0.0, 0.0)?;
                 Some(corner.rates(&pose).motion_ratio())
             }
-            (None, Some(strut)) => strut.motion_ratio,
+            (false, Some(strut)) => strut.motion_ratio,
             _ => None,
         };
         let (stiffness_n_m, damping_n_s_m) = match (ratio, &axle.strut) {

@@ -5,6 +5,11 @@
 //! the equilibrium about the hinge. With four legs, the tie rod and one of strut or ball-normal
 //! force the upright's six equations are determined:
 //!
+//! A MacPherson strut has transverse forces at its top in place of the upper legs' forces. Bridges that read
+//! the bending of its tube measure them: at a distance s below the top, the bending moment is s times the
+//! force. The strut acts on the upright, and the force along the lower arm's normal is that of its weight and
+//! inertia alone.
+//!
 //! w = G c + g, with the wrench w = (F, M) that the ground exerts on the tyre, in the tyre's
 //! contact frame about the contact point, and the member forces c.
 
@@ -53,9 +58,9 @@ pub enum ChannelKind {
 /// lower legs hold outboard of the strut's mount.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MemberForces {
-    /// Upper arm, front leg.
+    /// Upper arm, front leg. MacPherson strut: force of the body on its top across the strut, forwards.
     pub upper_front_n: f64,
-    /// Upper arm, rear leg.
+    /// Upper arm, rear leg. MacPherson strut: force of the body on its top across the strut, to the left.
     pub upper_rear_n: f64,
     /// Lower arm, front leg.
     pub lower_front_n: f64,
@@ -131,28 +136,30 @@ impl CornerStatics {
         motion: &CornerMotion,
         sixth: ChannelKind,
     ) -> Result<Self, SuspensionError> {
+        if let Some(across) = corner.across_strut(pose) {
+            return Self::of_strut(corner, pose, frame, unsprung, motion, across);
+        }
         let p = &corner.points;
         let contact = frame.contact_m;
-        let leg = |hinge: Vector3<f64>, ball: Vector3<f64>| -(ball - hinge).normalize();
         let [upper, lower] = arms(corner, pose);
         let tie_rod = (pose.tie_rod_inner_m - pose.tie_rod_outer_m).normalize();
 
         let strut_gain = -lower.lever(pose.strut_arm_m, pose.strut_direction);
         let (known, lower_weight) =
-            known_wrench(pose, contact, [&upper, &lower], unsprung, motion, sixth);
+            known_wrench(pose, contact, Some(&upper), &lower, unsprung, motion, sixth);
         let sixth_gain = match sixth {
             ChannelKind::Strut => strut_gain,
             ChannelKind::BallNormal => 1.0,
         };
         let members = Members {
             at_lower: Matrix3::from_columns(&[
-                leg(p.lower_front, pose.lower_ball_m),
-                leg(p.lower_rear, pose.lower_ball_m),
+                pull(p.lower_front, pose.lower_ball_m),
+                pull(p.lower_rear, pose.lower_ball_m),
                 -lower.normal * sixth_gain,
             ]),
             elsewhere: Matrix3::from_columns(&[
-                leg(p.upper_front, pose.upper_ball_m),
-                leg(p.upper_rear, pose.upper_ball_m),
+                pull(p.upper_front, pose.upper_ball_m),
+                pull(p.upper_rear, pose.upper_ball_m),
                 tie_rod,
             ]),
             lower_m: pose.lower_ball_m - contact,
@@ -180,6 +187,61 @@ impl CornerStatics {
         })
     }
 
+    /// The map of a MacPherson strut whose tube is bent along `across`.
+    fn of_strut(
+        corner: &Corner,
+        pose: &CornerPose,
+        frame: &TyreFrame,
+        unsprung: &Unsprung,
+        motion: &CornerMotion,
+        across: [Vector3<f64>; 2],
+    ) -> Result<Self, SuspensionError> {
+        let p = &corner.points;
+        let contact = frame.contact_m;
+        let lower = lower_arm(corner, pose);
+        let (known, lower_weight) = known_wrench(
+            pose,
+            contact,
+            None,
+            &lower,
+            unsprung,
+            motion,
+            ChannelKind::Strut,
+        );
+        let (top, ball) = (pose.upper_ball_m, pose.lower_ball_m);
+        let tie_rod = (pose.tie_rod_inner_m - pose.tie_rod_outer_m).normalize();
+        let columns = [
+            (top, across[0]),
+            (top, across[1]),
+            (ball, pull(p.lower_front, ball)),
+            (ball, pull(p.lower_rear, ball)),
+            (pose.tie_rod_outer_m, tie_rod),
+            (pose.strut_arm_m, pose.strut_direction),
+        ];
+        let columns = columns.map(|(at, force)| {
+            let known = stack(force, (at - contact).cross(&force));
+            turned(&known, frame)
+        });
+        let wrench_from_members = Matrix6::from_columns(&columns);
+        let members_from_wrench =
+            wrench_from_members
+                .try_inverse()
+                .ok_or(SuspensionError::Degenerate {
+                    what: "the members' lines of action depend on each other",
+                })?;
+        let wrench_offset = turned(&known, frame);
+        Ok(Self {
+            wrench_from_members,
+            wrench_offset,
+            members_from_wrench,
+            members_offset: -(members_from_wrench * wrench_offset),
+            ball_normal_per_strut: 0.0,
+            ball_normal_offset_n: lower_weight,
+            lower_normal: lower.normal,
+            sixth: ChannelKind::Strut,
+        })
+    }
+
     /// The same map with another motion of the parts.
     #[must_use]
     pub fn moved(
@@ -190,11 +252,18 @@ impl CornerStatics {
         unsprung: &Unsprung,
         motion: &CornerMotion,
     ) -> Self {
-        let [upper, lower] = arms(corner, pose);
+        let (upper, lower) = match corner.across_strut(pose) {
+            Some(_) => (None, lower_arm(corner, pose)),
+            None => {
+                let [upper, lower] = arms(corner, pose);
+                (Some(upper), lower)
+            }
+        };
         let (known, lower_weight) = known_wrench(
             pose,
             frame.contact_m,
-            [&upper, &lower],
+            upper.as_ref(),
+            &lower,
             unsprung,
             motion,
             self.sixth,
@@ -260,6 +329,10 @@ pub fn inboard_excess_n(
     motion: &CornerMotion,
     strut_force_n: f64,
 ) -> [f64; 2] {
+    let strut_force_n = match corner.across_strut(pose) {
+        Some(_) => 0.0,
+        None => strut_force_n,
+    };
     let front = (pose.lower_ball_m - corner.points.lower_front).normalize();
     let rear = (pose.lower_ball_m - corner.points.lower_rear).normalize();
     let load = pose.strut_direction * strut_force_n
@@ -313,13 +386,23 @@ fn arms(corner: &Corner, pose: &CornerPose) -> [Arm; 2] {
             corner.upper_axis,
             pose.upper_ball_m,
         ),
-        Arm::new(
-            p.lower_front,
-            p.lower_rear,
-            corner.lower_axis,
-            pose.lower_ball_m,
-        ),
+        lower_arm(corner, pose),
     ]
+}
+
+fn lower_arm(corner: &Corner, pose: &CornerPose) -> Arm {
+    let p = &corner.points;
+    Arm::new(
+        p.lower_front,
+        p.lower_rear,
+        corner.lower_axis,
+        pose.lower_ball_m,
+    )
+}
+
+/// Unit vector of the pull of an arm's leg on its ball joint.
+fn pull(hinge: Vector3<f64>, ball: Vector3<f64>) -> Vector3<f64> {
+    -(ball - hinge).normalize()
 }
 
 /// What the members need not carry to hold the upright: weight and inertia of all parts, as a wrench on
@@ -327,7 +410,8 @@ fn arms(corner: &Corner, pose: &CornerPose) -> [Arm; 2] {
 fn known_wrench(
     pose: &CornerPose,
     contact: Vector3<f64>,
-    [upper, lower]: [&Arm; 2],
+    upper: Option<&Arm>,
+    lower: &Arm,
     unsprung: &Unsprung,
     motion: &CornerMotion,
     sixth: ChannelKind,
@@ -339,12 +423,14 @@ fn known_wrench(
         pose.lower_arm_cg_m,
         motion.lower_arm_specific_force_m_s2 * unsprung.lower_arm_mass_kg,
     );
-    let upper_weight = upper.lever(
-        pose.upper_arm_cg_m,
-        motion.upper_arm_specific_force_m_s2 * unsprung.upper_arm_mass_kg,
-    );
-    let mut known = corner_inertia(pose, contact, unsprung, motion)
-        + line(pose.upper_ball_m, -upper.normal) * upper_weight;
+    let mut known = corner_inertia(pose, contact, unsprung, motion);
+    if let Some(upper) = upper {
+        let upper_weight = upper.lever(
+            pose.upper_arm_cg_m,
+            motion.upper_arm_specific_force_m_s2 * unsprung.upper_arm_mass_kg,
+        );
+        known += line(pose.upper_ball_m, -upper.normal) * upper_weight;
+    }
     if sixth == ChannelKind::Strut {
         known += line(pose.lower_ball_m, -lower.normal) * lower_weight;
     }

@@ -1,4 +1,4 @@
-//! Exact kinematics of a double wishbone from its hard-points.
+//! Exact kinematics of a double wishbone or a MacPherson strut from its hard-points.
 //!
 //! The lower arm turns about its hinge until the strut has the wanted length; the upper ball
 //! joint is where the circle of the upper arm meets the sphere about the lower ball joint; the
@@ -6,6 +6,11 @@
 //! sphere about the tie rod's inner end. Each of the three is
 //! A cos(phi) + B sin(phi) = C, solved in closed form; of both roots the one of the design
 //! position is kept. The thesis (2.2.4) has the lever of one arm only, and upside down.
+//!
+//! The upright of a MacPherson strut slides along the strut's axis and turns about its top. The top takes the
+//! place of the upper ball joint: it stands still in the body, and moves in the upright with the strut's
+//! length. With the length, the distance between top and lower ball joint is known, and the lower arm turns
+//! until it has this distance.
 
 mod circle;
 mod path;
@@ -34,15 +39,49 @@ pub struct Corner {
     /// Direction in which the rack moves for positive travel (that steers left): -1 towards -y
     /// (tie rods behind the king-pin), +1 towards +y (in front of it).
     pub rack_direction: f64,
+    /// Of the strut's end at the lower arm; of the lower ball joint under a MacPherson strut.
     strut_circle: Circle,
-    upper_circle: Circle,
-    upright_length_m: f64,
-    kingpin_foot_m: f64,
-    tie_rod_radius_m: f64,
+    guide: Guide,
+    design: Upright,
     tie_rod_length_m: f64,
     tie_rod_branch: f64,
-    design_frame: Matrix3<f64>,
     design_strut_length_m: f64,
+}
+
+/// What guides the upright above the lower ball joint.
+#[derive(Clone, Debug, PartialEq)]
+enum Guide {
+    /// An arm, by the circle of its ball joint.
+    Arm(Circle),
+    /// A strut that is part of the upright, by its direction from the top down in the design position.
+    Strut(Vector3<f64>),
+}
+
+/// Places of the joints in the upright, in the axes of the design position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Upright {
+    /// From the lower to the upper ball joint, m.
+    length_m: f64,
+    /// From the lower ball joint along the king-pin to below the tie rod, m.
+    kingpin_foot_m: f64,
+    tie_rod_radius_m: f64,
+    frame: Matrix3<f64>,
+}
+
+impl Upright {
+    fn new(lower: Vector3<f64>, upper: Vector3<f64>, outer: Vector3<f64>) -> Self {
+        let kingpin = upper - lower;
+        let length_m = kingpin.norm();
+        let axis = kingpin / length_m;
+        let kingpin_foot_m = axis.dot(&(outer - lower));
+        let lever = outer - (lower + axis * kingpin_foot_m);
+        Self {
+            length_m,
+            kingpin_foot_m,
+            tie_rod_radius_m: lever.norm(),
+            frame: frame(lower, upper, outer),
+        }
+    }
 }
 
 /// Where every point of a corner is, vehicle axes.
@@ -205,29 +244,31 @@ impl Corner {
         wheel: Wheel,
     ) -> Result<Self, SuspensionError> {
         let name = if wheel.is_front() { "front" } else { "rear" };
-        let wishbone = axle.wishbone.as_ref().ok_or(SuspensionError::Missing {
+        let origin_m = [finite("axle x", axle_x_m, "m")?, axle_y_m];
+        let points = HardPoints::new(axle, origin_m, wheel).ok_or(SuspensionError::Missing {
             axle: name,
-            table: "wishbone",
+            table: "wishbone or macpherson",
         })?;
-        let points = HardPoints::new(
-            axle,
-            wishbone,
-            [finite("axle x", axle_x_m, "m")?, axle_y_m],
-            wheel,
-        );
-        points.check()?;
-        Ok(Self::from_points(points, wheel))
+        let has_upper_arm = axle.wishbone.is_some();
+        points.check(has_upper_arm)?;
+        Ok(Self::from_points(points, has_upper_arm, wheel))
     }
 
-    fn from_points(points: HardPoints, wheel: Wheel) -> Self {
+    fn from_points(points: HardPoints, has_upper_arm: bool, wheel: Wheel) -> Self {
         let lower_axis = (points.lower_front - points.lower_rear).normalize();
-        let upper_axis = (points.upper_front - points.upper_rear).normalize();
-        let kingpin = points.upper_ball - points.lower_ball;
-        let upright_length_m = kingpin.norm();
-        let axis = kingpin / upright_length_m;
-        let to_outer = points.tie_rod_outer - points.lower_ball;
-        let kingpin_foot_m = axis.dot(&to_outer);
-        let foot = points.lower_ball + axis * kingpin_foot_m;
+        let strut = points.strut_arm - points.strut_chassis;
+        let (upper_axis, on_lower_arm, guide) = if has_upper_arm {
+            let axis = (points.upper_front - points.upper_rear).normalize();
+            let (rear, ball) = (points.upper_rear, points.upper_ball);
+            let circle = Circle::new(rear, axis, ball, points.lower_ball);
+            (axis, points.strut_arm, Guide::Arm(circle))
+        } else {
+            let direction = strut.normalize();
+            (Vector3::x(), points.lower_ball, Guide::Strut(direction))
+        };
+        let design = Upright::new(points.lower_ball, points.upper_ball, points.tie_rod_outer);
+        let axis = (points.upper_ball - points.lower_ball) / design.length_m;
+        let foot = points.lower_ball + axis * design.kingpin_foot_m;
         let lever = points.tie_rod_outer - foot;
         Self {
             wheel,
@@ -237,23 +278,38 @@ impl Corner {
             strut_circle: Circle::new(
                 points.lower_rear,
                 lower_axis,
-                points.strut_arm,
+                on_lower_arm,
                 points.strut_chassis,
             ),
-            upper_circle: Circle::new(
-                points.upper_rear,
-                upper_axis,
-                points.upper_ball,
-                points.lower_ball,
-            ),
-            upright_length_m,
-            kingpin_foot_m,
-            tie_rod_radius_m: lever.norm(),
+            guide,
+            design,
             tie_rod_length_m: (points.tie_rod_outer - points.tie_rod_inner).norm(),
             tie_rod_branch: branch(foot, axis, lever, points.tie_rod_inner),
-            design_frame: frame(points.lower_ball, points.upper_ball, points.tie_rod_outer),
-            design_strut_length_m: (points.strut_arm - points.strut_chassis).norm(),
+            design_strut_length_m: strut.norm(),
             points,
+        }
+    }
+
+    /// Directions in which a MacPherson strut's tube is bent in a pose, forwards and to the left: unit vectors
+    /// across the strut that turn with the upright. `None` for a double wishbone.
+    pub(super) fn across_strut(&self, pose: &CornerPose) -> Option<[Vector3<f64>; 2]> {
+        let Guide::Strut(direction) = self.guide else {
+            return None;
+        };
+        let forward = (Vector3::x() - direction * direction.x).normalize();
+        let turned = &pose.vehicle_from_upright;
+        Some([turned * forward, turned * forward.cross(&direction)])
+    }
+
+    /// Places of the joints in the upright with a strut length.
+    fn upright(&self, strut_length_m: f64) -> Upright {
+        match self.guide {
+            Guide::Arm(_) => self.design,
+            Guide::Strut(direction) => {
+                let p = &self.points;
+                let top = p.strut_arm - direction * strut_length_m;
+                Upright::new(p.lower_ball, top, p.tie_rod_outer)
+            }
         }
     }
 
@@ -270,15 +326,20 @@ impl Corner {
     /// When no position of the linkage has this length or travel.
     pub fn pose(&self, strut_length_m: f64, rack_m: f64) -> Result<CornerPose, SuspensionError> {
         finite("strut length", strut_length_m, "m")?;
+        let upright = self.upright(strut_length_m);
+        let distance_m = match self.guide {
+            Guide::Arm(_) => strut_length_m,
+            Guide::Strut(_) => upright.length_m,
+        };
         let turn = self
             .strut_circle
-            .turn_to(self.points.strut_chassis, strut_length_m)
+            .turn_to(self.points.strut_chassis, distance_m)
             .ok_or(SuspensionError::OutOfReach {
                 what: "strut length",
                 value: strut_length_m,
                 unit: "m",
             })?;
-        self.pose_turned(turn, turn.angle_rad(), rack_m)
+        self.pose_turned(turn, turn.angle_rad(), &upright, rack_m)
     }
 
     /// The pose in which the lower arm has turned by `angle_rad` about its hinge (rear to front,
@@ -292,40 +353,57 @@ impl Corner {
         rack_m: f64,
     ) -> Result<CornerPose, SuspensionError> {
         finite("lower arm angle", angle_rad, "rad")?;
-        self.pose_turned(Turn::by(angle_rad), angle_rad, rack_m)
+        let turn = Turn::by(angle_rad);
+        let length_m =
+            self.strut_length_m(turn)
+                .ok_or(out_of_reach("lower arm angle", angle_rad, "rad"))?;
+        self.pose_turned(turn, angle_rad, &self.upright(length_m), rack_m)
+    }
+
+    /// Length of the strut with the lower arm turned, m. Under a MacPherson strut, the top is in the upright
+    /// where its distance from the lower ball joint is that in the body.
+    fn strut_length_m(&self, lower: Turn) -> Option<f64> {
+        let p = &self.points;
+        let turned = |point| lower.carry(p.lower_rear, self.lower_axis, point);
+        let Guide::Strut(direction) = self.guide else {
+            return Some((turned(p.strut_arm) - p.strut_chassis).norm());
+        };
+        let to_low = p.strut_arm - p.lower_ball;
+        let along = to_low.dot(&direction);
+        let distance = p.strut_chassis - turned(p.lower_ball);
+        let square = along * along - to_low.norm_squared() + distance.norm_squared();
+        let side = (self.design_strut_length_m - along).signum();
+        (square >= 0.0).then(|| along + side * square.sqrt())
     }
 
     fn pose_turned(
         &self,
         lower: Turn,
         lower_angle_rad: f64,
+        upright: &Upright,
         rack_m: f64,
     ) -> Result<CornerPose, SuspensionError> {
         finite("rack travel", rack_m, "m")?;
         let p = &self.points;
         let turn_lower = |point| lower.carry(p.lower_rear, self.lower_axis, point);
         let lower_ball = turn_lower(p.lower_ball);
-        let strut_arm = turn_lower(p.strut_arm);
-        let upper = self
-            .upper_circle
-            .turn_to(lower_ball, self.upright_length_m)
-            .ok_or(SuspensionError::OutOfReach {
-                what: "lower arm angle",
-                value: lower_angle_rad,
-                unit: "rad",
-            })?;
+        let upper = match &self.guide {
+            Guide::Arm(circle) => circle.turn_to(lower_ball, upright.length_m),
+            Guide::Strut(_) => Some(Turn::by(0.0)),
+        };
+        let upper = upper.ok_or(out_of_reach("lower arm angle", lower_angle_rad, "rad"))?;
         let turn_upper = |point| upper.carry(p.upper_rear, self.upper_axis, point);
         let upper_ball = turn_upper(p.upper_ball);
         let inner = p.tie_rod_inner + Vector3::y() * (self.rack_direction * rack_m);
-        let outer = self.tie_rod_outer(lower_ball, upper_ball, inner).ok_or(
-            SuspensionError::OutOfReach {
-                what: "rack travel",
-                value: rack_m,
-                unit: "m",
-            },
-        )?;
-        let rotation = frame(lower_ball, upper_ball, outer) * self.design_frame.transpose();
+        let outer = self
+            .tie_rod_outer(upright, lower_ball, upper_ball, inner)
+            .ok_or(out_of_reach("rack travel", rack_m, "m"))?;
+        let rotation = frame(lower_ball, upper_ball, outer) * upright.frame.transpose();
         let follow = |point: Vector3<f64>| lower_ball + rotation * (point - p.lower_ball);
+        let strut_arm = match self.guide {
+            Guide::Arm(_) => turn_lower(p.strut_arm),
+            Guide::Strut(_) => follow(p.strut_arm),
+        };
         let strut = strut_arm - p.strut_chassis;
         let strut_length_m = strut.norm();
         Ok(CornerPose {
@@ -383,6 +461,22 @@ impl Corner {
     #[must_use]
     pub fn rates(&self, pose: &CornerPose) -> CornerRates {
         let p = &self.points;
+        let rack_velocity = Vector3::y() * self.rack_direction;
+        let by_rack = upright_twist(pose, Vector3::zeros(), Vector3::zeros(), rack_velocity);
+        if let Guide::Strut(_) = self.guide {
+            // The point of the upright that is at the top moves along the strut.
+            let upper = pose.strut_direction;
+            let along = self.lower_axis.cross(&(pose.lower_ball_m - p.lower_rear));
+            let kingpin = pose.upper_ball_m - pose.lower_ball_m;
+            let lower_angle_per_strut = kingpin.dot(&upper) / kingpin.dot(&along);
+            let lower = along * lower_angle_per_strut;
+            return CornerRates {
+                strut: upright_twist(pose, lower, upper, Vector3::zeros()),
+                rack: by_rack,
+                lower_angle_per_strut,
+                upper_angle_per_strut: 0.0,
+            };
+        }
         let strut_per_angle = self
             .lower_axis
             .cross(&(pose.strut_arm_m - p.lower_rear))
@@ -393,7 +487,6 @@ impl Corner {
         let upper_path = self.upper_axis.cross(&(pose.upper_ball_m - p.upper_rear));
         let kingpin = pose.upper_ball_m - pose.lower_ball_m;
         let upper_angle_per_strut = kingpin.dot(&lower) / kingpin.dot(&upper_path);
-        let rack_velocity = Vector3::y() * self.rack_direction;
         CornerRates {
             strut: upright_twist(
                 pose,
@@ -401,7 +494,7 @@ impl Corner {
                 upper_path * upper_angle_per_strut,
                 Vector3::zeros(),
             ),
-            rack: upright_twist(pose, Vector3::zeros(), Vector3::zeros(), rack_velocity),
+            rack: by_rack,
             lower_angle_per_strut,
             upper_angle_per_strut,
         }
@@ -409,26 +502,32 @@ impl Corner {
 
     fn tie_rod_outer(
         &self,
+        upright: &Upright,
         lower_ball: Vector3<f64>,
         upper_ball: Vector3<f64>,
         inner: Vector3<f64>,
     ) -> Option<Vector3<f64>> {
-        let axis = (upper_ball - lower_ball) / self.upright_length_m;
-        let foot = lower_ball + axis * self.kingpin_foot_m;
+        let radius_m = upright.tie_rod_radius_m;
+        let axis = (upper_ball - lower_ball) / upright.length_m;
+        let foot = lower_ball + axis * upright.kingpin_foot_m;
         let to_inner = inner - foot;
         let along = axis.dot(&to_inner);
         let radial = to_inner - axis * along;
         let reach = radial.norm();
-        let cosine = (self.tie_rod_radius_m.powi(2) + reach * reach + along * along
+        let cosine = (radius_m.powi(2) + reach * reach + along * along
             - self.tie_rod_length_m.powi(2))
-            / (2.0 * self.tie_rod_radius_m * reach);
+            / (2.0 * radius_m * reach);
         if cosine.is_nan() || cosine.abs() > 1.0 {
             return None;
         }
         let sine = self.tie_rod_branch * (1.0 - cosine * cosine).sqrt();
         let e = radial / reach;
-        Some(foot + (e * cosine + axis.cross(&e) * sine) * self.tie_rod_radius_m)
+        Some(foot + (e * cosine + axis.cross(&e) * sine) * radius_m)
     }
+}
+
+fn out_of_reach(what: &'static str, value: f64, unit: &'static str) -> SuspensionError {
+    SuspensionError::OutOfReach { what, value, unit }
 }
 
 /// Orthonormal axes of the upright from its three joints.

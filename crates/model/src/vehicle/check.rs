@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use super::rules::SECTIONS;
-use super::{Axle, Strut, Vehicle, VehicleErrors, plain};
+use super::{Axle, Macpherson, Strut, Vehicle, VehicleErrors, plain};
 use crate::file::rules::{self, Checked};
 
 /// Something in a vehicle file that is possible, but so rare that it is worth a second look.
@@ -259,7 +259,7 @@ fn axle(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
     }
     if let Some(strut) = &axle.strut {
         stops(name, strut, found);
-        if axle.wishbone.is_none() && strut.motion_ratio.is_none() {
+        if !axle.has_hard_points() && strut.motion_ratio.is_none() {
             found.push((
                 format!("{name}.strut.motion_ratio"),
                 String::new(),
@@ -269,20 +269,69 @@ fn axle(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
         }
     }
     if let Some(corner) = &axle.wishbone {
-        for (point, [_, y, _]) in [
-            ("wheel_centre_m", corner.wheel_centre_m),
-            ("upper_ball_m", corner.upper_ball_m),
-            ("lower_ball_m", corner.lower_ball_m),
-        ] {
-            if y <= 0.0 {
-                found.push((
-                    format!("{name}.wishbone.{point}"),
-                    y.to_string(),
-                    "lies on the right-hand side".into(),
-                    "give the left corner's points: y is positive to the left".into(),
-                ));
-            }
+        left_hand(
+            &format!("{name}.wishbone"),
+            &[
+                ("wheel_centre_m", corner.wheel_centre_m),
+                ("upper_ball_m", corner.upper_ball_m),
+                ("lower_ball_m", corner.lower_ball_m),
+            ],
+            found,
+        );
+    }
+    if let Some(corner) = &axle.macpherson {
+        macpherson(name, axle, corner, found);
+    }
+}
+
+fn left_hand(table: &str, points: &[(&str, [f64; 3])], found: &mut Vec<Contradiction>) {
+    for (point, [_, y, _]) in points {
+        if *y <= 0.0 {
+            found.push((
+                format!("{table}.{point}"),
+                y.to_string(),
+                "lies on the right-hand side".into(),
+                "give the left corner's points: y is positive to the left".into(),
+            ));
         }
+    }
+}
+
+fn macpherson(name: &str, axle: &Axle, corner: &Macpherson, found: &mut Vec<Contradiction>) {
+    let table = format!("{name}.macpherson");
+    left_hand(
+        &table,
+        &[
+            ("wheel_centre_m", corner.wheel_centre_m),
+            ("lower_ball_m", corner.lower_ball_m),
+            ("strut_top_m", corner.strut_top_m),
+        ],
+        found,
+    );
+    if axle.wishbone.is_some() {
+        found.push((
+            table.clone(),
+            String::new(),
+            format!("and [{name}.wishbone] describe the same corner"),
+            "keep the table of the linkage that the axle has".into(),
+        ));
+    }
+    if corner.strut_top_m[2] <= corner.strut_low_m[2] {
+        found.push((
+            format!("{table}.strut_top_m"),
+            corner.strut_top_m[2].to_string(),
+            format!("is not above strut_low_m ({})", corner.strut_low_m[2]),
+            "the top is the ball joint at the body".into(),
+        ));
+    }
+    let arm_kg = axle.unsprung.as_ref().map_or(0.0, |u| u.upper_arm_mass_kg);
+    if arm_kg > 0.0 {
+        found.push((
+            format!("{name}.unsprung.upper_arm_mass_kg"),
+            arm_kg.to_string(),
+            "but a MacPherson strut has no upper arm".into(),
+            "write 0.0; the strut's tube belongs to upright_mass_kg".into(),
+        ));
     }
 }
 
@@ -375,6 +424,33 @@ mod tests {
             ]
         );
         assert!(errors.problems.iter().all(|problem| problem.line > 0));
+    }
+
+    #[test]
+    fn points_of_a_strut_must_fit_the_axle() {
+        let text = include_str!("../../../../testdata/vehicle-with-struts.toml");
+        let of_front = |from: &str, to: &str| {
+            assert!(text.contains(from), "{from}");
+            let errors = errors_of(&text.replacen(from, to, 1)).unwrap_err();
+            (fields(&errors).join(" "), errors.problems[0].to_string())
+        };
+        let (field, message) = of_front("upper_arm_mass_kg = 0.0", "upper_arm_mass_kg = 3.0");
+        assert_eq!(field, "front.unsprung.upper_arm_mass_kg");
+        assert!(message.contains("write 0.0"), "{message}");
+        let (field, _) = of_front("[-0.045, 0.56, 0.945]", "[-0.045, 0.56, 0.345]");
+        assert_eq!(field, "front.macpherson.strut_top_m");
+        let (field, message) = of_front("[0.012, 0.69, 0.235]", "[0.012, -0.69, 0.235]");
+        assert_eq!(field, "front.macpherson.lower_ball_m");
+        assert!(message.contains("right-hand side"), "{message}");
+        let prowler = Vehicle::builtin_text("prowler").unwrap();
+        let wishbone = &prowler[prowler.find("[front.wishbone]").unwrap()..];
+        let wishbone = &wishbone[..wishbone[1..].find("\n[").unwrap() + 1];
+        let (field, message) = of_front(
+            "[front.macpherson]",
+            &format!("{wishbone}\n[front.macpherson]"),
+        );
+        assert!(field.contains("front.macpherson"), "{field}");
+        assert!(message.contains("describe the same corner"), "{message}");
     }
 
     #[test]

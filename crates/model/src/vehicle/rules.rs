@@ -45,6 +45,10 @@ pub(crate) const SECTIONS: &[TableRules] = &[
         rules: WISHBONE,
     },
     TableRules {
+        tables: &["front.macpherson", "rear.macpherson"],
+        rules: MACPHERSON,
+    },
+    TableRules {
         tables: &["front.tyre", "rear.tyre"],
         rules: TYRE,
     },
@@ -123,6 +127,7 @@ const AXLE: &[Rule] = &[
     may("unsprung", Table),
     may("strut", Table),
     may("wishbone", Table),
+    may("macpherson", Table),
     must("tyre", Table),
 ];
 
@@ -160,6 +165,17 @@ const WISHBONE: &[Rule] = &[
     must("lower_ball_m", POINT),
     must("strut_chassis_m", POINT),
     must("strut_arm_m", POINT),
+    must("tie_rod_inner_m", POINT),
+    must("tie_rod_outer_m", POINT),
+];
+
+const MACPHERSON: &[Rule] = &[
+    must("wheel_centre_m", POINT),
+    must("lower_front_m", POINT),
+    must("lower_rear_m", POINT),
+    must("lower_ball_m", POINT),
+    must("strut_top_m", POINT),
+    must("strut_low_m", POINT),
     must("tie_rod_inner_m", POINT),
     must("tie_rod_outer_m", POINT),
 ];

@@ -43,6 +43,7 @@ fn axle() -> Axle {
             lower_arm_cg_m: Some([0.005, 0.33, 0.25]),
         }),
         strut: None,
+        macpherson: None,
         wishbone: Some(Wishbone {
             wheel_centre_m: [0.0, 0.6, 0.3],
             upper_front_m: [0.15, 0.22, 0.41],

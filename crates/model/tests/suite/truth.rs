@@ -6,3 +6,4 @@ mod kinematics;
 mod rough;
 mod run;
 mod statics;
+mod strut;

@@ -215,7 +215,7 @@ fn corner(
     if let Ok(linkage) = Corner::of(vehicle, wheel) {
         let pose = linkage
             .pose(linkage.design_strut_length_m(), 0.0)
-            .map_err(|_| missing("wishbone that assembles"))?;
+            .map_err(|_| missing("linkage that assembles"))?;
         let rates = linkage.rates(&pose);
         ratio = Some(rates.motion_ratio());
         slope = motion_ratio_slope(&linkage, strut, rates.motion_ratio(), pose.wheel_centre_m.z);

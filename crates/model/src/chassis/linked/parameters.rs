@@ -143,7 +143,7 @@ fn corner(vehicle: &Vehicle, wheel: Wheel) -> Result<Corner, Error> {
     let struts = ["front.strut", "rear.strut"];
     let strut = axle.strut.clone().ok_or_else(|| missing(struts))?;
     let static_load_n = vehicle.static_load_n(wheel);
-    let suspension = if axle.wishbone.is_some() && vehicle.steering.rack_m_rad.is_some() {
+    let suspension = if axle.has_hard_points() && vehicle.steering.rack_m_rad.is_some() {
         Suspension::Wishbone(Box::new(Wishbone::of(vehicle, wheel)?))
     } else {
         let [x, y] = vehicle.wheel_place_m(wheel);

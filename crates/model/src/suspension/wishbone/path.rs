@@ -1,13 +1,16 @@
-//! Second derivatives of the double wishbone, in closed form.
+//! Second derivatives of the double wishbone and of the MacPherson strut, in closed form.
 //!
 //! Each constraint is differentiated twice: the strut's length gives the lower arm's angle, the
 //! distance of the ball joints the upper arm's, the tie rod's length the turn about the king-pin.
 //! Squares of velocities are taken as products of two velocities a and b, so that one function
 //! gives all three second derivatives.
+//!
+//! Under a MacPherson strut with the direction d, the point of the upright at the strut's top moves by l' d
+//! and bends by l'' d + 2 l' d'; the distance of the ball joints gives the lower arm's angle.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Corner, CornerPose, CornerRates, Twist};
+use super::{Corner, CornerPose, CornerRates, Guide, Twist};
 use crate::suspension::linkage::{
     Coordinates, Derivatives, Linkage, OutboardPart, PARTS, PointPath, StrutMount, TwoForceMember,
 };
@@ -17,6 +20,8 @@ use crate::vehicle::Unsprung;
 /// Velocities of a corner for one unit of one coordinate.
 #[derive(Clone, Copy)]
 struct Unit {
+    /// Of the strut's length.
+    strut: f64,
     lower_angle: f64,
     upper_angle: f64,
     lower_ball: Vector3<f64>,
@@ -39,14 +44,14 @@ impl Corner {
     #[must_use]
     pub fn path(&self, pose: &CornerPose) -> CornerPath {
         let rates = self.rates(pose);
-        let by_strut = self.unit(pose, &rates.strut, &rates, Vector3::zeros());
+        let by_strut = self.unit(pose, 1.0, &rates.strut, &rates, Vector3::zeros());
         let inner = Vector3::y() * self.rack_direction;
         let held = CornerRates {
             lower_angle_per_strut: 0.0,
             upper_angle_per_strut: 0.0,
             ..rates
         };
-        let by_rack = self.unit(pose, &rates.rack, &held, inner);
+        let by_rack = self.unit(pose, 0.0, &rates.rack, &held, inner);
         let bends = [
             self.bend(pose, &by_strut, &by_strut, self.lower_bend(pose, &rates)),
             self.bend(pose, &by_strut, &by_rack, 0.0),
@@ -90,6 +95,7 @@ impl Corner {
     fn unit(
         &self,
         pose: &CornerPose,
+        strut: f64,
         twist: &Twist,
         rates: &CornerRates,
         inner: Vector3<f64>,
@@ -99,7 +105,17 @@ impl Corner {
             axis.cross(&(ball - hinge)) * angle
         };
         let (lower_angle, upper_angle) = (rates.lower_angle_per_strut, rates.upper_angle_per_strut);
+        let upper_ball = match self.guide {
+            Guide::Arm(_) => turned(
+                p.upper_rear,
+                self.upper_axis,
+                pose.upper_ball_m,
+                upper_angle,
+            ),
+            Guide::Strut(_) => pose.strut_direction * strut,
+        };
         Unit {
+            strut,
             lower_angle,
             upper_angle,
             lower_ball: turned(
@@ -108,12 +124,7 @@ impl Corner {
                 pose.lower_ball_m,
                 lower_angle,
             ),
-            upper_ball: turned(
-                p.upper_rear,
-                self.upper_axis,
-                pose.upper_ball_m,
-                upper_angle,
-            ),
+            upper_ball,
             inner,
             outer: twist.at(pose, pose.tie_rod_outer_m),
             rotation: twist.rotation,
@@ -140,14 +151,29 @@ impl Corner {
             pose.upper_ball_m - p.upper_rear,
         );
         let along = self.lower_axis.cross(&lower_arm);
-        let lower =
-            along * lower_angle + self.lower_axis.cross(&along) * (a.lower_angle * b.lower_angle);
-        let upper_path = self.upper_axis.cross(&upper_arm);
-        let upper_turn = self.upper_axis.cross(&upper_path) * (a.upper_angle * b.upper_angle);
+        let lower_turn = self.lower_axis.cross(&along) * (a.lower_angle * b.lower_angle);
         let kingpin = pose.upper_ball_m - pose.lower_ball_m;
         let apart = (a.upper_ball - a.lower_ball).dot(&(b.upper_ball - b.lower_ball));
-        let upper_angle = (kingpin.dot(&(lower - upper_turn)) - apart) / kingpin.dot(&upper_path);
-        let upper = upper_path * upper_angle + upper_turn;
+        let (lower_angle, upper_angle, lower, upper) = match self.guide {
+            Guide::Arm(_) => {
+                let lower = along * lower_angle + lower_turn;
+                let upper_path = self.upper_axis.cross(&upper_arm);
+                let upper_turn =
+                    self.upper_axis.cross(&upper_path) * (a.upper_angle * b.upper_angle);
+                let upper_angle =
+                    (kingpin.dot(&(lower - upper_turn)) - apart) / kingpin.dot(&upper_path);
+                let upper = upper_path * upper_angle + upper_turn;
+                (lower_angle, upper_angle, lower, upper)
+            }
+            Guide::Strut(_) => {
+                let direction = pose.strut_direction;
+                let upper =
+                    b.rotation.cross(&direction) * a.strut + a.rotation.cross(&direction) * b.strut;
+                let lower_angle =
+                    (kingpin.dot(&(upper - lower_turn)) + apart) / kingpin.dot(&along);
+                (lower_angle, 0.0, along * lower_angle + lower_turn, upper)
+            }
+        };
         // Centripetal part of an arm of the upright, the mean of both orders of a and b.
         let centripetal = |arm: Vector3<f64>| {
             (a.rotation.cross(&b.rotation.cross(&arm)) + b.rotation.cross(&a.rotation.cross(&arm)))
@@ -214,7 +240,7 @@ impl Linkage for Corner {
     }
 
     /// Upper front and rear leg, lower front and rear leg, tie rod; the lower legs outboard of the
-    /// strut's mount.
+    /// strut's mount. Of a MacPherson strut, the first two have no length.
     fn members(&self, (pose, path): &Self::Pose) -> [TwoForceMember; 5] {
         let p = &self.points;
         [
@@ -233,7 +259,10 @@ impl Linkage for Corner {
     fn strut(&self, (pose, path): &Self::Pose) -> Option<StrutMount> {
         Some(StrutMount {
             direction: pose.strut_direction,
-            outboard: path.lower_arm.at(pose.strut_arm_m),
+            outboard: match self.guide {
+                Guide::Arm(_) => path.lower_arm.at(pose.strut_arm_m),
+                Guide::Strut(_) => path.wheel.at(pose.strut_arm_m),
+            },
         })
     }
 

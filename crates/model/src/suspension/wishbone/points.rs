@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 use sample::Wheel;
 
 use crate::suspension::SuspensionError;
-use crate::vehicle::{Axle, Wishbone};
+use crate::vehicle::{Axle, Macpherson, Wishbone};
 
 /// Smallest span of hard-points that counts as one, m or m^2.
 const COINCIDENT: f64 = 1e-6;
@@ -11,7 +11,8 @@ const COINCIDENT: f64 = 1e-6;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(
     missing_docs,
-    reason = "the fields are those of vehicle::Wishbone and Unsprung"
+    reason = "the fields are those of vehicle::Wishbone and Unsprung; of a MacPherson strut, the upper \
+              joints are its top, and the strut's end at the arm is its lower end"
 )]
 pub struct HardPoints {
     pub wheel_centre: Vector3<f64>,
@@ -31,7 +32,26 @@ pub struct HardPoints {
 }
 
 impl HardPoints {
-    pub(super) fn new(axle: &Axle, w: &Wishbone, axle_m: [f64; 2], wheel: Wheel) -> Self {
+    /// The hard-points of a corner of `axle`, whose frame's origin is `axle_m` ahead and left of the centre of
+    /// gravity; `None` without a linkage.
+    pub(super) fn new(axle: &Axle, axle_m: [f64; 2], wheel: Wheel) -> Option<Self> {
+        if let Some(wishbone) = &axle.wishbone {
+            return Some(Self::placed(axle, wishbone, axle_m, wheel));
+        }
+        let strut = axle.macpherson.as_ref()?;
+        let mut points = Self::placed(axle, &with_top(strut), axle_m, wheel);
+        if axle
+            .unsprung
+            .as_ref()
+            .is_none_or(|u| u.upright_cg_m.is_none())
+        {
+            points.upright_cg = 0.5 * (points.strut_arm + points.lower_ball);
+        }
+        points.upper_arm_cg = points.upper_ball;
+        Some(points)
+    }
+
+    fn placed(axle: &Axle, w: &Wishbone, axle_m: [f64; 2], wheel: Wheel) -> Self {
         let [ahead_m, left_m] = axle_m;
         let place = |p: [f64; 3]| Vector3::new(ahead_m + p[0], wheel.side() * p[1] + left_m, p[2]);
         let centroid = |a: [f64; 3], b: [f64; 3], ball: [f64; 3]| {
@@ -65,7 +85,7 @@ impl HardPoints {
         }
     }
 
-    pub(super) fn check(&self) -> Result<(), SuspensionError> {
+    pub(super) fn check(&self, has_upper_arm: bool) -> Result<(), SuspensionError> {
         let area =
             |a: Vector3<f64>, b: Vector3<f64>, c: Vector3<f64>| (b - a).cross(&(c - a)).norm();
         let spans = [
@@ -94,12 +114,33 @@ impl HardPoints {
                 "both ends of the tie rod coincide",
             ),
         ];
-        for (size, what) in spans {
+        let of_upper_arm = [1, 3];
+        for (i, (size, what)) in spans.into_iter().enumerate() {
+            if !has_upper_arm && of_upper_arm.contains(&i) {
+                continue;
+            }
             // `!(a > b)` also catches NaN.
             if !(size > COINCIDENT && size.is_finite()) {
                 return Err(SuspensionError::Degenerate { what });
             }
         }
         Ok(())
+    }
+}
+
+/// A MacPherson strut as a double wishbone whose upper joints are all at the strut's top.
+fn with_top(strut: &Macpherson) -> Wishbone {
+    Wishbone {
+        wheel_centre_m: strut.wheel_centre_m,
+        upper_front_m: strut.strut_top_m,
+        upper_rear_m: strut.strut_top_m,
+        upper_ball_m: strut.strut_top_m,
+        lower_front_m: strut.lower_front_m,
+        lower_rear_m: strut.lower_rear_m,
+        lower_ball_m: strut.lower_ball_m,
+        strut_chassis_m: strut.strut_top_m,
+        strut_arm_m: strut.strut_low_m,
+        tie_rod_inner_m: strut.tie_rod_inner_m,
+        tie_rod_outer_m: strut.tie_rod_outer_m,
     }
 }

@@ -3,7 +3,7 @@ use sample::Wheel;
 
 use crate::suspension::linkage::{Coordinates, Linkage};
 use crate::suspension::{Corner, CornerPose};
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Macpherson, Vehicle};
 
 /// Shortest strut of the Prowler in deep bump, m: 24 mm into the front stop, 37 mm into the rear
 /// one.
@@ -12,6 +12,23 @@ const DEEP_BUMP_M: f64 = 0.285;
 fn corners() -> [Corner; 4] {
     let vehicle = Vehicle::builtin("prowler").unwrap();
     Wheel::ALL.map(|wheel| Corner::of(&vehicle, wheel).unwrap())
+}
+
+/// The front corners of the second vehicle of the independent simulator.
+fn struts() -> [Corner; 2] {
+    let mut vehicle = Vehicle::builtin("prowler").unwrap();
+    vehicle.front.wishbone = None;
+    vehicle.front.macpherson = Some(Macpherson {
+        wheel_centre_m: [0.0, 0.74, 0.3527],
+        lower_front_m: [0.105, 0.36, 0.252],
+        lower_rear_m: [-0.265, 0.372, 0.262],
+        lower_ball_m: [0.012, 0.69, 0.235],
+        strut_top_m: [-0.045, 0.56, 0.945],
+        strut_low_m: [0.0, 0.584, 0.45],
+        tie_rod_inner_m: [0.158, 0.352, 0.2795],
+        tie_rod_outer_m: [0.145, 0.702, 0.262],
+    });
+    [Wheel::FrontLeft, Wheel::FrontRight].map(|wheel| Corner::of(&vehicle, wheel).unwrap())
 }
 
 /// Strut lengths from deep bump to past the droop stop, and rack travels within the front axle's
@@ -23,8 +40,9 @@ fn poses(corner: &Corner) -> impl Iterator<Item = CornerPose> {
     } else {
         &[0.0]
     };
+    let shortest = DEEP_BUMP_M.max(corner.design_strut_length_m() - 0.1);
     (0..=12).flat_map(move |step| {
-        let length = DEEP_BUMP_M + (longest - DEEP_BUMP_M) * f64::from(step) / 12.0;
+        let length = shortest + (longest - shortest) * f64::from(step) / 12.0;
         racks
             .iter()
             .map(move |rack| corner.pose(length, *rack).unwrap())
@@ -36,7 +54,7 @@ fn poses(corner: &Corner) -> impl Iterator<Item = CornerPose> {
 fn second_derivatives_match_differences_of_the_first() {
     const STEP_M: f64 = 1e-6;
     let mut worst = 0.0_f64;
-    for corner in &corners() {
+    for corner in corners().iter().chain(&struts()) {
         for pose in poses(corner) {
             let path = corner.path(&pose);
             let (l, z) = (pose.strut_length_m, pose.rack_m);
@@ -118,6 +136,60 @@ fn members_keep_their_length() {
             let strut = corner.strut(&pose).unwrap();
             assert!((strut.direction.dot(&strut.outboard.travel.by_strut) - 1.0).abs() < 1e-12);
         }
+    }
+}
+
+/// The upright of a MacPherson strut is rigid, its axis goes through the top at the strut's length, the arm and
+/// the tie rod keep their lengths, and the wheel moves as the derivatives say.
+#[test]
+fn a_strut_guides_its_upright() {
+    for corner in &struts() {
+        let p = &corner.points;
+        let axis = (p.strut_arm - p.strut_chassis).normalize();
+        for pose in poses(corner) {
+            let turned = pose.vehicle_from_upright;
+            let from_ball = |point: Vector3<f64>| turned * (point - p.lower_ball);
+            let close = |a: Vector3<f64>, b: Vector3<f64>| {
+                assert!((a - b).norm() < 1e-12, "{a} {b} {pose:?}");
+            };
+            assert!((turned.determinant() - 1.0).abs() < 1e-12);
+            close(pose.strut_arm_m - pose.lower_ball_m, from_ball(p.strut_arm));
+            close(
+                pose.tie_rod_outer_m - pose.lower_ball_m,
+                from_ball(p.tie_rod_outer),
+            );
+            close(
+                pose.wheel_centre_m - pose.lower_ball_m,
+                from_ball(p.wheel_centre),
+            );
+            close(
+                pose.strut_arm_m - turned * axis * pose.strut_length_m,
+                p.strut_chassis,
+            );
+            for hinge in [p.lower_front, p.lower_rear] {
+                let kept = (pose.lower_ball_m - hinge).norm() - (p.lower_ball - hinge).norm();
+                assert!(kept.abs() < 1e-12);
+            }
+            let rod = |a: Vector3<f64>, b: Vector3<f64>| (a - b).norm();
+            let kept = rod(pose.tie_rod_outer_m, pose.tie_rod_inner_m)
+                - rod(p.tie_rod_outer, p.tie_rod_inner);
+            assert!(kept.abs() < 1e-12);
+            let again = corner
+                .pose_at_angle(pose.lower_angle_rad, pose.rack_m)
+                .unwrap();
+            close(again.wheel_centre_m, pose.wheel_centre_m);
+            let step = 1e-6;
+            let at = |l: f64| corner.pose(pose.strut_length_m + l, pose.rack_m).unwrap();
+            let moved = (at(step).wheel_centre_m - at(-step).wheel_centre_m) / (2.0 * step);
+            let rates = corner.rates(&pose);
+            assert!((moved - rates.strut.wheel_centre).norm() < 1e-7, "{moved}");
+        }
+        let design = corner.pose(corner.design_strut_length_m(), 0.0).unwrap();
+        let ratio = corner.rates(&design).motion_ratio();
+        println!(
+            "motion ratio {ratio:.4}, bump steer {:.3} deg/m",
+            corner.rates(&design).bump_steer_rad_m().to_degrees()
+        );
     }
 }
 
