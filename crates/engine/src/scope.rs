@@ -33,8 +33,15 @@ pub fn limits(config: &Config) -> Vec<String> {
 /// What is not estimated with a vehicle.
 #[must_use]
 pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
+    let without_points: Vec<&str> = [("front", &vehicle.front), ("rear", &vehicle.rear)]
+        .into_iter()
+        .filter_map(|(name, axle)| (!axle.has_hard_points()).then_some(name))
+        .collect();
     let lacks: Vec<&str> = [
-        ("hard-points", &lacks_wishbone as &dyn Fn(&Vehicle) -> bool),
+        (
+            "hard-points",
+            &(|_: &Vehicle| without_points.len() == 2) as &dyn Fn(&Vehicle) -> bool,
+        ),
         ("struts", &|v: &Vehicle| any_axle(v, |a| a.strut.is_none())),
         ("unsprung masses", &|v: &Vehicle| {
             any_axle(v, |a| a.unsprung.is_none())
@@ -44,7 +51,12 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
     .filter_map(|(name, is_missing)| is_missing(vehicle).then_some(name))
     .collect();
     if lacks.is_empty() {
-        return None;
+        let axle = without_points.first()?;
+        return Some(format!(
+            "the strain channels of the {axle} axle are not used, because the vehicle {} has no hard-points of it: \
+             the forces of its wheels follow from deflection, inertial unit and the forces of the other axle",
+            vehicle.name
+        ));
     }
     Some(format!(
         "the suspension is not used, because the vehicle {} has no {}: tyre forces, wheel loads and lift follow \
@@ -53,10 +65,6 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
         vehicle.name,
         lacks.join(" and no ")
     ))
-}
-
-fn lacks_wishbone(vehicle: &Vehicle) -> bool {
-    any_axle(vehicle, |axle| !axle.has_hard_points())
 }
 
 fn any_axle(vehicle: &Vehicle, is: impl Fn(&model::vehicle::Axle) -> bool) -> bool {
@@ -104,6 +112,16 @@ mod tests {
         assert_eq!(limits_of(&format!("{bus}{prowler}")), [""; 0]);
         let without_strain = limits_of(&format!("{gnss}{prowler}"));
         assert!(without_strain[0].contains("no source has a strain channel"));
+        let half = model::vehicle::Vehicle::builtin_text("prowler").expect("built in");
+        let points = half.find("[rear.wishbone]").expect("a table");
+        let rest = half[points + 1..].find("\n[").expect("a table") + points + 1;
+        let half = half[..points].to_owned() + &half[rest..];
+        let half = Vehicle::from_toml(&half, "half.toml").expect("a vehicle");
+        let told = of_vehicle(&half).expect("a limit");
+        assert!(
+            told.starts_with("the strain channels of the rear axle"),
+            "{told}"
+        );
         let car = limits_of(&format!(
             "{gnss}[vehicle]\nfile = \"car.toml\"\nsensors = \"thesis-10bit\"\n"
         ));

@@ -52,6 +52,8 @@ pub struct CornerState {
     pub travel_m_s: Vector3<f64>,
     /// Angular rate of the upright against the body by steering and travel, rad/s.
     pub turn_rad_s: Vector3<f64>,
+    /// Whether the linkage is known: then its strain channels measure the members.
+    pub is_linked: bool,
 }
 
 /// Standard deviations of the axes in which a wheel's forces are given.
@@ -63,14 +65,20 @@ pub struct FrameErrors {
     pub steer_rad: f64,
     /// The ground's normal about x and y, rad: unknown on rough ground.
     pub tilt_rad: f64,
+    /// Inclination of the wheel's plane against the body, rad: unknown without hard-points.
+    pub inclination_rad: f64,
 }
 
 impl FrameErrors {
     /// A force with the errors of the wheel's heading.
     #[must_use]
     pub fn turn(&self, force: &TyreForce) -> TyreForce {
-        let [x, y, _] = known(force);
-        with_errors(force, [[self.steer_rad * y, self.steer_rad * x, 0.0]])
+        let [x, y, z] = known(force);
+        let inclined = [0.0, self.inclination_rad * z, self.inclination_rad * y];
+        with_errors(
+            force,
+            [[self.steer_rad * y, self.steer_rad * x, 0.0], inclined],
+        )
     }
 
     /// A force of the contact frame with the errors of heading and slopes.
@@ -80,7 +88,8 @@ impl FrameErrors {
         let [along, across] = self.slopes;
         let tilted = [along * z, across * z, along * x + across * y];
         let turned = [self.steer_rad * y, self.steer_rad * x, 0.0];
-        with_errors(force, [tilted, turned])
+        let inclined = [0.0, self.inclination_rad * z, self.inclination_rad * y];
+        with_errors(force, [tilted, turned, inclined])
     }
 
     /// A force of the contact frame with the unknown normal in its standard deviations. On flat ground it
@@ -136,13 +145,16 @@ pub struct Corners {
 }
 
 impl Corners {
-    /// The corners of a vehicle; `None` if the vehicle file has no linkages, struts or unsprung
-    /// masses.
+    /// The corners of a vehicle; `None` if the vehicle file has no linkage, or an axle without strut or unsprung
+    /// masses, or without hard-points and motion ratio.
     pub fn new(
         vehicle: &Vehicle,
         deflection_sigma_m: f64,
         tuning: &Tuning,
     ) -> Result<Option<Self>, EstimatorError> {
+        if !vehicle.front.has_hard_points() && !vehicle.rear.has_hard_points() {
+            return Ok(None);
+        }
         let mut linkages = Vec::with_capacity(4);
         for wheel in Wheel::ALL {
             match Linkage::new(vehicle, wheel, deflection_sigma_m, tuning) {
@@ -471,6 +483,11 @@ impl Corners {
                 0.0
             },
             tilt_rad: self.tilt.sigma_rad(),
+            inclination_rad: if self.states[wheel.index()].is_linked {
+                0.0
+            } else {
+                self.tuning.unknown_inclination_rad
+            },
         }
     }
 }

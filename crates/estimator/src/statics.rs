@@ -65,6 +65,7 @@ pub fn tyre_force(
         rolling_radius_m: assumed.rolling_radius_m,
     };
     if alive >= 3
+        && state.is_linked
         && let Some(found) = state.statics.wrench_with_parity(&members, &sigma, &parity)
     {
         let variance = found.covariance.diagonal();

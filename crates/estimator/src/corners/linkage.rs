@@ -39,7 +39,8 @@ pub(super) struct Linkage {
 }
 
 impl Linkage {
-    /// The linkage of a wheel; `None` if the vehicle file lacks hard-points, a strut or unsprung masses.
+    /// The linkage of a wheel; `None` if the vehicle file lacks a strut, unsprung masses, or hard-points and motion
+    /// ratio.
     pub(super) fn new(
         vehicle: &Vehicle,
         wheel: Wheel,
@@ -47,12 +48,17 @@ impl Linkage {
         tuning: &Tuning,
     ) -> Result<Option<Self>, SuspensionError> {
         let axle = vehicle.axle(wheel);
-        let (Some(strut), Some(unsprung), true) =
-            (&axle.strut, &axle.unsprung, axle.has_hard_points())
-        else {
+        let (Some(strut), Some(unsprung)) = (&axle.strut, &axle.unsprung) else {
             return Ok(None);
         };
-        let corner = Corner::of(vehicle, wheel)?;
+        let corner = if axle.has_hard_points() {
+            Some(Corner::of(vehicle, wheel)?)
+        } else {
+            Corner::straight(vehicle, wheel)
+        };
+        let Some(corner) = corner else {
+            return Ok(None);
+        };
         let pose = corner.pose(corner.design_strut_length_m(), 0.0)?;
         Ok(Some(Self {
             tuning: tuning.corners,
@@ -178,6 +184,7 @@ impl Linkage {
             spin_dot_rad_s2: spin_dot,
             travel_m_s: motion.wheel_travel_m_s,
             turn_rad_s: motion.upright_rate_rad_s - body.rate_rad_s,
+            is_linked: self.corner.is_known(),
         })
     }
 }

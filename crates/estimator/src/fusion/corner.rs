@@ -142,6 +142,9 @@ impl Fusion {
         // measure M = F_n d/2, independent of spring and damper.
         let arm = 0.5 * self.bending_distance_m;
         let mut alive = 0;
+        if !corner.is_linked {
+            return ([None; StrainChannel::COUNT], alive);
+        }
         let strain = StrainChannel::ALL.map(|channel| {
             let i = channel.index();
             let reading = readings.corners.0[wheel].strain[i].as_mut()?;

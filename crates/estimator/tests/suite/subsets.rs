@@ -491,3 +491,87 @@ fn late_corners_tell_their_own_time() {
         assert!(result.events.is_empty(), "{:?}", result.events);
     }
 }
+
+/// Error of the sum of some tyres' forces along an axis, per cent of the larger of peak and static load, and the
+/// mean square of the largest tyre's error over its standard deviation.
+fn sum_error(run: &Run, result: &Estimated, wheels: &[Wheel], axis: usize) -> [f64; 2] {
+    let vehicle = truth::vehicle();
+    let truths: Vec<&[f64]> = (wheels.iter())
+        .map(|w| {
+            run.column(&format!(
+                "{}_{}",
+                w.abbreviation(),
+                ["Fx", "Fy", "Fz"][axis]
+            ))
+        })
+        .collect();
+    let mut peak: f64 = wheels.iter().map(|w| vehicle.static_load_n(*w)).sum();
+    let (mut square, mut count) = (0.0, 0.0);
+    let mut squares = vec![0.0; wheels.len()];
+    for estimate in &result.estimates {
+        let row = scoring::row(estimate);
+        if !(600..run.rows).contains(&row) {
+            continue;
+        }
+        count += 1.0;
+        let mut error = 0.0;
+        for ((wheel, truth), square) in wheels.iter().zip(&truths).zip(&mut squares) {
+            let force = &estimate.measured[*wheel];
+            let own = force.force_n[axis] - truth[row];
+            error += own;
+            *square += (own / force.sigma_n[axis]).powi(2);
+        }
+        square += error * error;
+        peak = peak.max(truths.iter().map(|truth| truth[row]).sum::<f64>().abs());
+    }
+    let largest = squares.into_iter().fold(0.0, f64::max);
+    [100.0 * f64::sqrt(square / count) / peak, largest / count]
+}
+
+/// The forces of an axle with strain gauges do not need the linkage of the other axle, and those of the other
+/// axle have standard deviations that hold.
+#[test]
+fn an_axle_with_gauges_has_forces_whatever_the_other_axle_has() {
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let mut vehicle = truth::vehicle().clone();
+    vehicle.rear.wishbone = None;
+    vehicle.rear.strut.as_mut().unwrap().motion_ratio = Some(0.4);
+    let calibration = Calibration::nominal(&vehicle.name);
+    for name in RUNS {
+        let run = truth::excerpt(name);
+        let samples = run.samples("thesis-10bit", 11);
+        let settings = Settings::default;
+        let mut front_alone = samples.to_vec();
+        for sample in &mut front_alone {
+            if let Measurement::Corner(corner) = &mut sample.measurement
+                && !corner.wheel.is_front()
+            {
+                corner.strain_counts = [None; StrainChannel::COUNT];
+            }
+        }
+        let known = truth::vehicle();
+        let whole = estimate(known, &sensors, &calibration, settings(), &front_alone);
+        // The strain of the rear axle is still sent: without its linkage, nobody can use it.
+        let half = estimate(&vehicle, &sensors, &calibration, settings(), samples);
+        for axis in 0..3 {
+            for wheel in [Wheel::FrontLeft, Wheel::FrontRight] {
+                let [with, without] =
+                    [&whole, &half].map(|result| sum_error(run, result, &[wheel], axis)[0]);
+                assert!(
+                    without < 1.4 * with,
+                    "{name} {wheel} {axis}: {with} {without}"
+                );
+            }
+            let rear = [Wheel::RearLeft, Wheel::RearRight];
+            let [error, squares] = sum_error(run, &half, &rear, axis);
+            println!("{name} rear, axis {axis}: {error:.2} %, mean square {squares:.2}");
+            let largest = if name == "b_circle" {
+                [5.0, 1.5, 5.5]
+            } else {
+                [3.5, 1.2, 1.0]
+            };
+            assert!(error < largest[axis], "{name} {axis}: {error}");
+            assert!(squares < 4.0, "{name} {axis}: {squares}");
+        }
+    }
+}

@@ -136,6 +136,9 @@ impl CornerStatics {
         motion: &CornerMotion,
         sixth: ChannelKind,
     ) -> Result<Self, SuspensionError> {
+        if let Some(path) = corner.straight_path() {
+            return Self::of_straight(path, pose, frame, unsprung, motion);
+        }
         if let Some(across) = corner.across_strut(pose) {
             return Self::of_strut(corner, pose, frame, unsprung, motion, across);
         }
@@ -218,26 +221,59 @@ impl CornerStatics {
             (pose.tie_rod_outer_m, tie_rod),
             (pose.strut_arm_m, pose.strut_direction),
         ];
-        let columns = columns.map(|(at, force)| {
-            let known = stack(force, (at - contact).cross(&force));
-            turned(&known, frame)
-        });
-        let wrench_from_members = Matrix6::from_columns(&columns);
+        let columns = columns.map(|(at, force)| stack(force, (at - contact).cross(&force)));
+        Self::of_columns(&columns, &known, frame, (lower.normal, lower_weight))
+    }
+
+    /// The map of a wheel whose linkage is not known: the members are forces along x and across the path and
+    /// moments about the wheel centre, in the place of what the linkage has.
+    fn of_straight(
+        path: Vector3<f64>,
+        pose: &CornerPose,
+        frame: &TyreFrame,
+        unsprung: &Unsprung,
+        motion: &CornerMotion,
+    ) -> Result<Self, SuspensionError> {
+        let to_centre = pose.wheel_centre_m - frame.contact_m;
+        let force = |force: Vector3<f64>| stack(force, to_centre.cross(&force));
+        let moment = |moment: Vector3<f64>| stack(Vector3::zeros(), moment);
+        let columns = [
+            force(Vector3::x()),
+            force(path.cross(&Vector3::x()).normalize()),
+            moment(Vector3::x()),
+            moment(Vector3::y()),
+            moment(Vector3::z()),
+            force(path / path.norm_squared()),
+        ];
+        let known = straight_inertia(pose, frame.contact_m, unsprung, motion);
+        Self::of_columns(&columns, &known, frame, (Vector3::z(), 0.0))
+    }
+
+    /// The map of forces that hold the upright, as wrenches on it about the contact point, vehicle axes.
+    /// `lower`: normal of the lower arm, and the force along it that its weight and inertia call for, N.
+    fn of_columns(
+        columns: &[Vector6<f64>; 6],
+        known: &Vector6<f64>,
+        frame: &TyreFrame,
+        lower: (Vector3<f64>, f64),
+    ) -> Result<Self, SuspensionError> {
+        let wrench_from_members = Matrix6::from_columns(&columns.map(|c| turned(&c, frame)));
         let members_from_wrench =
             wrench_from_members
                 .try_inverse()
                 .ok_or(SuspensionError::Degenerate {
                     what: "the members' lines of action depend on each other",
                 })?;
-        let wrench_offset = turned(&known, frame);
+        let wrench_offset = turned(known, frame);
+        let (lower_normal, ball_normal_offset_n) = lower;
         Ok(Self {
             wrench_from_members,
             wrench_offset,
             members_from_wrench,
             members_offset: -(members_from_wrench * wrench_offset),
             ball_normal_per_strut: 0.0,
-            ball_normal_offset_n: lower_weight,
-            lower_normal: lower.normal,
+            ball_normal_offset_n,
+            lower_normal,
             sixth: ChannelKind::Strut,
         })
     }
@@ -252,6 +288,15 @@ impl CornerStatics {
         unsprung: &Unsprung,
         motion: &CornerMotion,
     ) -> Self {
+        if corner.straight_path().is_some() {
+            let known = straight_inertia(pose, frame.contact_m, unsprung, motion);
+            let wrench_offset = turned(&known, frame);
+            return Self {
+                wrench_offset,
+                members_offset: -(self.members_from_wrench * wrench_offset),
+                ..*self
+            };
+        }
         let (upper, lower) = match corner.across_strut(pose) {
             Some(_) => (None, lower_arm(corner, pose)),
             None => {
@@ -435,6 +480,19 @@ fn known_wrench(
         known += line(pose.lower_ball_m, -lower.normal) * lower_weight;
     }
     (known, lower_weight)
+}
+
+/// What the members need not carry where all outboard mass is at the wheel centre.
+fn straight_inertia(
+    pose: &CornerPose,
+    contact: Vector3<f64>,
+    unsprung: &Unsprung,
+    motion: &CornerMotion,
+) -> Vector6<f64> {
+    let arms = motion.lower_arm_specific_force_m_s2 * -unsprung.lower_arm_mass_kg
+        + motion.upper_arm_specific_force_m_s2 * -unsprung.upper_arm_mass_kg;
+    corner_inertia(pose, contact, unsprung, motion)
+        + stack(arms, (pose.wheel_centre_m - contact).cross(&arms))
 }
 
 /// The wrench that balances one of vehicle axes, in the tyre's axes.

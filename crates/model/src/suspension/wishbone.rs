@@ -55,10 +55,13 @@ enum Guide {
     Arm(Circle),
     /// A strut that is part of the upright, by its direction from the top down in the design position.
     Strut(Vector3<f64>),
+    /// No linkage is known: the wheel centre moves along a straight line by this vector for each metre of
+    /// strut, and does not turn. All outboard mass is at the wheel centre.
+    Straight(Vector3<f64>),
 }
 
 /// Places of the joints in the upright, in the axes of the design position.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Upright {
     /// From the lower to the upper ball joint, m.
     length_m: f64,
@@ -290,6 +293,70 @@ impl Corner {
         }
     }
 
+    /// The corner of `wheel` of an axle without hard-points: its wheel moves straight up, with the slope of the
+    /// axle's roll centre and the strut's motion ratio. `None` if the file lacks them.
+    #[must_use]
+    pub fn straight(vehicle: &Vehicle, wheel: Wheel) -> Option<Self> {
+        let axle = vehicle.axle(wheel);
+        let strut = axle.strut.as_ref()?;
+        let ratio = strut.motion_ratio?;
+        let [x, y] = vehicle.wheel_place_m(wheel);
+        let squeeze_m = vehicle.static_load_n(wheel) / axle.tyre.vertical_stiffness_n_m;
+        let centre = Vector3::new(x, y, axle.tyre.unloaded_radius_m - squeeze_m);
+        let slope = 2.0 * wheel.side() * axle.roll_centre_height_m / axle.track_m;
+        let length_m = strut.design_length_m;
+        Some(Self {
+            wheel,
+            points: HardPoints::all_at(centre, centre + Vector3::z() * length_m),
+            lower_axis: Vector3::x(),
+            upper_axis: Vector3::x(),
+            rack_direction: 1.0,
+            strut_circle: Circle::new(centre, Vector3::x(), centre, centre),
+            guide: Guide::Straight(Vector3::new(0.0, slope, 1.0) / -ratio),
+            design: Upright::default(),
+            tie_rod_length_m: 0.0,
+            tie_rod_branch: 1.0,
+            design_strut_length_m: length_m,
+        })
+    }
+
+    /// Whether the linkage is known.
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        self.straight_path().is_none()
+    }
+
+    /// Movement of the wheel centre for one metre of strut if the linkage is not known.
+    pub(super) fn straight_path(&self) -> Option<Vector3<f64>> {
+        match self.guide {
+            Guide::Straight(path) => Some(path),
+            _ => None,
+        }
+    }
+
+    fn straight_pose(&self, strut_length_m: f64, path: Vector3<f64>) -> CornerPose {
+        let centre =
+            self.points.wheel_centre + path * (strut_length_m - self.design_strut_length_m);
+        CornerPose {
+            strut_length_m,
+            rack_m: 0.0,
+            lower_angle_rad: 0.0,
+            upper_angle_rad: 0.0,
+            lower_ball_m: centre,
+            upper_ball_m: centre,
+            tie_rod_inner_m: centre,
+            tie_rod_outer_m: centre,
+            strut_arm_m: centre,
+            strut_direction: path.normalize(),
+            wheel_centre_m: centre,
+            spindle: Vector3::y(),
+            vehicle_from_upright: Matrix3::identity(),
+            upright_cg_m: centre,
+            upper_arm_cg_m: centre,
+            lower_arm_cg_m: centre,
+        }
+    }
+
     /// Directions in which a MacPherson strut's tube is bent in a pose, forwards and to the left: unit vectors
     /// across the strut that turn with the upright. `None` for a double wishbone.
     pub(super) fn across_strut(&self, pose: &CornerPose) -> Option<[Vector3<f64>; 2]> {
@@ -304,7 +371,7 @@ impl Corner {
     /// Places of the joints in the upright with a strut length.
     fn upright(&self, strut_length_m: f64) -> Upright {
         match self.guide {
-            Guide::Arm(_) => self.design,
+            Guide::Arm(_) | Guide::Straight(_) => self.design,
             Guide::Strut(direction) => {
                 let p = &self.points;
                 let top = p.strut_arm - direction * strut_length_m;
@@ -326,10 +393,13 @@ impl Corner {
     /// When no position of the linkage has this length or travel.
     pub fn pose(&self, strut_length_m: f64, rack_m: f64) -> Result<CornerPose, SuspensionError> {
         finite("strut length", strut_length_m, "m")?;
+        if let Guide::Straight(path) = self.guide {
+            return Ok(self.straight_pose(strut_length_m, path));
+        }
         let upright = self.upright(strut_length_m);
         let distance_m = match self.guide {
-            Guide::Arm(_) => strut_length_m,
             Guide::Strut(_) => upright.length_m,
+            Guide::Arm(_) | Guide::Straight(_) => strut_length_m,
         };
         let turn = self
             .strut_circle
@@ -389,7 +459,7 @@ impl Corner {
         let lower_ball = turn_lower(p.lower_ball);
         let upper = match &self.guide {
             Guide::Arm(circle) => circle.turn_to(lower_ball, upright.length_m),
-            Guide::Strut(_) => Some(Turn::by(0.0)),
+            Guide::Strut(_) | Guide::Straight(_) => Some(Turn::by(0.0)),
         };
         let upper = upper.ok_or(out_of_reach("lower arm angle", lower_angle_rad, "rad"))?;
         let turn_upper = |point| upper.carry(p.upper_rear, self.upper_axis, point);
@@ -401,8 +471,8 @@ impl Corner {
         let rotation = frame(lower_ball, upper_ball, outer) * upright.frame.transpose();
         let follow = |point: Vector3<f64>| lower_ball + rotation * (point - p.lower_ball);
         let strut_arm = match self.guide {
-            Guide::Arm(_) => turn_lower(p.strut_arm),
             Guide::Strut(_) => follow(p.strut_arm),
+            Guide::Arm(_) | Guide::Straight(_) => turn_lower(p.strut_arm),
         };
         let strut = strut_arm - p.strut_chassis;
         let strut_length_m = strut.norm();
@@ -461,6 +531,17 @@ impl Corner {
     #[must_use]
     pub fn rates(&self, pose: &CornerPose) -> CornerRates {
         let p = &self.points;
+        if let Guide::Straight(path) = self.guide {
+            return CornerRates {
+                strut: Twist {
+                    wheel_centre: path,
+                    rotation: Vector3::zeros(),
+                },
+                rack: Twist::default(),
+                lower_angle_per_strut: 0.0,
+                upper_angle_per_strut: 0.0,
+            };
+        }
         let rack_velocity = Vector3::y() * self.rack_direction;
         let by_rack = upright_twist(pose, Vector3::zeros(), Vector3::zeros(), rack_velocity);
         if let Guide::Strut(_) = self.guide {

@@ -43,6 +43,15 @@ impl Corner {
     /// First and second derivatives at `pose`.
     #[must_use]
     pub fn path(&self, pose: &CornerPose) -> CornerPath {
+        if let Guide::Straight(path) = self.guide {
+            let mut wheel = PointPath::fixed(pose.wheel_centre_m);
+            wheel.travel.by_strut = path;
+            return CornerPath {
+                wheel,
+                upper_arm: wheel,
+                lower_arm: wheel,
+            };
+        }
         let rates = self.rates(pose);
         let by_strut = self.unit(pose, 1.0, &rates.strut, &rates, Vector3::zeros());
         let inner = Vector3::y() * self.rack_direction;
@@ -112,7 +121,7 @@ impl Corner {
                 pose.upper_ball_m,
                 upper_angle,
             ),
-            Guide::Strut(_) => pose.strut_direction * strut,
+            Guide::Strut(_) | Guide::Straight(_) => pose.strut_direction * strut,
         };
         Unit {
             strut,
@@ -165,7 +174,7 @@ impl Corner {
                 let upper = upper_path * upper_angle + upper_turn;
                 (lower_angle, upper_angle, lower, upper)
             }
-            Guide::Strut(_) => {
+            Guide::Strut(_) | Guide::Straight(_) => {
                 let direction = pose.strut_direction;
                 let upper =
                     b.rotation.cross(&direction) * a.strut + a.rotation.cross(&direction) * b.strut;
@@ -261,7 +270,7 @@ impl Linkage for Corner {
             direction: pose.strut_direction,
             outboard: match self.guide {
                 Guide::Arm(_) => path.lower_arm.at(pose.strut_arm_m),
-                Guide::Strut(_) => path.wheel.at(pose.strut_arm_m),
+                Guide::Strut(_) | Guide::Straight(_) => path.wheel.at(pose.strut_arm_m),
             },
         })
     }

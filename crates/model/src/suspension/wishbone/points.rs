@@ -51,6 +51,26 @@ impl HardPoints {
         Some(points)
     }
 
+    /// A wheel without a linkage.
+    pub(super) fn all_at(centre: Vector3<f64>, strut_chassis: Vector3<f64>) -> Self {
+        Self {
+            wheel_centre: centre,
+            upper_front: centre,
+            upper_rear: centre,
+            upper_ball: centre,
+            lower_front: centre,
+            lower_rear: centre,
+            lower_ball: centre,
+            strut_chassis,
+            strut_arm: centre,
+            tie_rod_inner: centre,
+            tie_rod_outer: centre,
+            upright_cg: centre,
+            upper_arm_cg: centre,
+            lower_arm_cg: centre,
+        }
+    }
+
     fn placed(axle: &Axle, w: &Wishbone, axle_m: [f64; 2], wheel: Wheel) -> Self {
         let [ahead_m, left_m] = axle_m;
         let place = |p: [f64; 3]| Vector3::new(ahead_m + p[0], wheel.side() * p[1] + left_m, p[2]);
