@@ -67,7 +67,7 @@ pub fn simulate<E: From<Error>>(
 }
 
 #[cfg(test)]
-mod drives;
+pub(crate) mod drives;
 #[cfg(test)]
 mod late_tests;
 #[cfg(test)]

@@ -7,6 +7,7 @@
 )]
 
 mod calibrate;
+mod check_with_log;
 mod compat;
 mod configuration;
 #[cfg(feature = "live")]
