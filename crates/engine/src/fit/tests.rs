@@ -120,7 +120,7 @@ fn correct_drives_on_other_ground_have_no_misfit() {
     }
 }
 
-/// A recording without motion is told to be too quiet, with the manoeuvres that decide.
+/// A recording without motion decides nothing, and the manoeuvres that decide are named.
 #[test]
 fn a_quiet_recording_names_the_manoeuvres_that_decide() {
     let judgement = Recorded::new("washboard", "thesis-10bit", 12).with(|sample| {

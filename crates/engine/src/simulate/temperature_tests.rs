@@ -223,6 +223,23 @@ fn the_drift_of_the_gain_is_found_from_known_loads() {
         "{found:?}"
     );
     assert!((found.offset_counts_per_k - 1.0).abs() < 0.01, "{found:?}");
+    // A curved drift is seen as such.
+    const CURVED: f64 = 0.02;
+    for window in &mut windows {
+        window.counts += CURVED * (window.temperature_c - BEGIN_C).powi(2);
+    }
+    let curved = drift(
+        Wheel::FrontLeft,
+        StrainChannel::LowerFront,
+        &windows,
+        BEGIN_C,
+        &mut findings,
+    );
+    let curved = curved.expect("a fit").expect("enough windows");
+    assert!(
+        (curved.offset_counts_per_k2 - CURVED).abs() < 1e-3,
+        "{curved:?}"
+    );
 }
 
 #[test]

@@ -116,48 +116,22 @@ pub fn drift(
     reference_c: f64,
     findings: &mut Findings,
 ) -> Result<Option<TemperatureCalibration>, Refusal> {
-    let Some((first, last)) = windows
-        .first()
-        .zip(windows.last())
-        .filter(|_| windows.len() >= WINDOWS_NEEDED)
-    else {
+    if windows.len() < WINDOWS_NEEDED {
         return Ok(None);
-    };
-    let temperatures = windows.iter().map(|window| window.temperature_c);
-    let [low_c, high_c] = temperatures
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], t| {
-            [low.min(t), high.max(t)]
-        });
-    if high_c - low_c < CHANGE_NEEDED_K {
-        return Err(Refusal::NotExcited {
-            what: WHAT.to_owned(),
-            quantity: format!("change of the bridge temperature of {wheel}"),
-            found: high_c - low_c,
-            needed: CHANGE_NEEDED_K,
-            unit: "K".to_owned(),
-            help: "record from a cold morning to a warm noon, or warm the bridges with the vehicle at rest; 20 K or more \
-                   are better"
-                .to_owned(),
-        });
     }
-    let mean = windows
-        .iter()
-        .map(|window| window.force_counts)
-        .sum::<f64>()
-        / windows.len() as f64;
-    let square = windows
-        .iter()
-        .map(|window| (window.force_counts - mean).powi(2))
-        .sum::<f64>();
-    let loaded = (square / windows.len() as f64).sqrt() > LOADS_NEEDED_COUNTS;
-    let straight = fit(windows, reference_c, false, loaded)?;
-    let curved = fit(windows, reference_c, true, loaded)?;
+    let [low_c, high_c] = range_c(windows);
+    if high_c - low_c < CHANGE_NEEDED_K {
+        return Err(too_small(wheel, high_c - low_c));
+    }
     let reach_k = (high_c - reference_c)
         .abs()
         .max((low_c - reference_c).abs());
-    let bend = curved.coefficients[2];
-    let is_curved = bend.abs() > SIGNIFICANT * curved.sigma(2)
-        && bend.abs() * reach_k * reach_k > CURVED_COUNTS;
+    let loaded = force_spread(windows) > LOADS_NEEDED_COUNTS;
+    let straight = fit(windows, reference_c, false, loaded)?;
+    let curved = fit(windows, reference_c, true, loaded)?;
+    let bend = [curved.coefficients[2], curved.sigma(2)];
+    let is_curved =
+        bend[0].abs() > SIGNIFICANT * bend[1] && bend[0].abs() * reach_k * reach_k > CURVED_COUNTS;
     let best = if is_curved { curved } else { straight };
     let gain = loaded.then(|| {
         let k = best.coefficients.len() - 2;
@@ -167,52 +141,96 @@ pub fn drift(
             best.sigma(k + 1) / force.abs(),
         ]
     });
-    let found = TemperatureCalibration {
-        reference_c,
-        offset_counts_per_k: best.coefficients[1],
-        offset_sigma_counts_per_k: best.sigma(1),
-        offset_counts_per_k2: if is_curved { best.coefficients[2] } else { 0.0 },
-        gain_per_k: gain.map_or(0.0, |[value, _]| value),
-        gain_sigma_per_k: gain.map_or(0.0, |[_, sigma]| sigma),
-    };
-    let span = Span {
-        from_s: first.time_s,
-        to_s: last.time_s,
-        used_s: last.time_s - first.time_s,
-        rows: windows.len(),
-    };
-    let mut tell = |name: &str, [value, sigma]: [f64; 2], unit: &str| {
-        findings.findings.push(Finding {
-            name: format!("{wheel} {} {name}", channel.name()),
-            value,
-            unit: unit.to_owned(),
-            sigma,
-            interval: None,
-            condition: best.condition,
-            excitation: Some(Excitation {
-                rms: best.excitation[1],
-                unit: "K".to_owned(),
-            }),
-            whiteness: Some(best.whiteness),
-            span,
-        });
-    };
-    tell(
-        "zero drift",
-        [found.offset_counts_per_k, found.offset_sigma_counts_per_k],
-        "counts/K",
-    );
-    if is_curved {
-        tell(
+    let [gain_per_k, gain_sigma_per_k] = gain.unwrap_or_default();
+    let zero = [best.coefficients[1], best.sigma(1)];
+    let parts = [
+        ("zero drift", Some(zero), "counts/K"),
+        (
             "zero drift, quadratic",
-            [best.coefficients[2], best.sigma(2)],
+            is_curved.then_some(bend),
             "counts/K^2",
-        );
+        ),
+        ("gain drift", gain, "1/K"),
+    ];
+    for (name, value, unit) in parts {
+        if let Some(value) = value {
+            let name = format!("{wheel} {} {name}", channel.name());
+            findings
+                .findings
+                .push(finding(name, value, unit, &best, windows));
+        }
     }
-    if let Some(gain) = gain {
-        tell("gain drift", gain, "1/K");
+    Ok(Some(TemperatureCalibration {
+        reference_c,
+        offset_counts_per_k: zero[0],
+        offset_sigma_counts_per_k: zero[1],
+        offset_counts_per_k2: if is_curved { bend[0] } else { 0.0 },
+        gain_per_k,
+        gain_sigma_per_k,
+    }))
+}
+
+fn range_c(windows: &[Window]) -> [f64; 2] {
+    let temperatures = windows.iter().map(|window| window.temperature_c);
+    temperatures.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], t| {
+        [low.min(t), high.max(t)]
+    })
+}
+
+/// Root mean square of the known forces about their mean, counts.
+fn force_spread(windows: &[Window]) -> f64 {
+    let n = windows.len() as f64;
+    let mean = windows
+        .iter()
+        .map(|window| window.force_counts)
+        .sum::<f64>()
+        / n;
+    let squares = windows
+        .iter()
+        .map(|window| (window.force_counts - mean).powi(2));
+    (squares.sum::<f64>() / n).sqrt()
+}
+
+fn too_small(wheel: Wheel, change_k: f64) -> Refusal {
+    Refusal::NotExcited {
+        what: WHAT.to_owned(),
+        quantity: format!("change of the bridge temperature of {wheel}"),
+        found: change_k,
+        needed: CHANGE_NEEDED_K,
+        unit: "K".to_owned(),
+        help: "record from a cold morning to a warm noon, or warm the bridges with the vehicle at rest; 20 K or \
+               more are better"
+            .to_owned(),
     }
-    Ok(Some(found))
+}
+
+fn finding(
+    name: String,
+    [value, sigma]: [f64; 2],
+    unit: &str,
+    fit: &Fit,
+    windows: &[Window],
+) -> Finding {
+    let (from_s, to_s) = (windows[0].time_s, windows[windows.len() - 1].time_s);
+    Finding {
+        name,
+        value,
+        unit: unit.to_owned(),
+        sigma,
+        interval: None,
+        condition: fit.condition,
+        excitation: Some(Excitation {
+            rms: fit.excitation[1],
+            unit: "K".to_owned(),
+        }),
+        whiteness: Some(fit.whiteness),
+        span: Span {
+            from_s,
+            to_s,
+            used_s: to_s - from_s,
+            rows: windows.len(),
+        },
+    }
 }
 
 fn fit(windows: &[Window], reference_c: f64, curved: bool, loaded: bool) -> Result<Fit, Refusal> {
