@@ -102,10 +102,11 @@ pub enum Command {
     Export(ExportArgs),
     /// Show the contents of a log.
     Info(InfoArgs),
-    /// Check a configuration, and what its devices send.
+    /// Check a configuration, and what its devices send or what a log contains.
     ///
     /// The exit code is 0 if the configuration is valid and every device sends messages that are
     /// understood, 1 if a device is missing, silent or not understood, 2 if the configuration is wrong.
+    /// With `--with`, it is 1 if something in the log does not fit the configuration.
     Check(CheckArgs),
     /// Calibrate the sensors from workshop logs, step by step.
     ///
@@ -339,6 +340,11 @@ pub struct CheckArgs {
     /// Check the file only, not the devices.
     #[arg(long)]
     pub no_devices: bool,
+    /// Compare the configuration with this log of about a minute instead of listening to the devices:
+    /// loads at rest, direction of gravity, signs, order of the wheels, units, roles without messages.
+    /// Several files are the parts of one log.
+    #[arg(long = "with", value_name = "LOG")]
+    pub with_log: Vec<PathBuf>,
     /// Time in which each device must send data.
     #[arg(long, default_value = "2", value_name = "SECONDS", value_parser = number::listen_s, allow_negative_numbers = true)]
     pub listen_s: f64,

@@ -33,6 +33,12 @@ pub enum Error {
         /// Path of the file.
         path: PathBuf,
     },
+    /// A configuration without a vehicle is to be compared with a log.
+    #[error(
+        "the configuration has no vehicle, or its estimator is switched off, so that nothing can be compared \
+         with the log; set file in the table [vehicle]"
+    )]
+    NoVehicleToJudge,
     /// A log gets an entry after an error.
     #[error("the log {0} takes no entry after an error")]
     LogClosed(PathBuf),
@@ -224,6 +230,7 @@ impl Error {
             | Self::File(_)
             | Self::OtherSources(_)
             | Self::NoVehicleNamed
+            | Self::NoVehicleToJudge
             | Self::RoadClass { .. }
             | Self::RoadUnreadable { .. }
             | Self::VehicleFile(_)

@@ -7,13 +7,14 @@
 //! give the same records, bit for bit. [`Replay`] runs an engine with the arrivals of a log and compares
 //! its records with those in the log; [`simulate`](fn@simulate) runs an engine with the bytes of a
 //! virtual vehicle. [`read_recording`] and [`read_drive`] read the data of a calibration step and of an
-//! identification. This crate reads no clock, no device and no environment.
+//! identification. [`judge_log`] compares a configuration with a log. This crate reads no clock, no device and no environment.
 
 mod behind;
 pub mod config;
 mod engine;
 mod error;
 mod feed;
+mod fit;
 mod handling;
 mod left_out;
 mod listened;
@@ -38,6 +39,7 @@ pub use config::Config;
 pub use engine::{DM1, Engine, MessageCounts, Reception, SILENCE_NS, Skipped};
 pub use error::{Error, Result};
 pub use feed::{Entry, Feed};
+pub use fit::{Fit, Judgement, Misfit, Undecided, judge_log};
 pub use handling::{Handling, identify_handling};
 pub use left_out::LeftOut;
 pub use listened::{Listened, bus_warnings};

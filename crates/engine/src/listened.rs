@@ -115,6 +115,15 @@ impl Listened {
     /// What does not fit the configuration, each with its remedy.
     #[must_use]
     pub fn warnings(&self, config: &Config) -> Vec<String> {
+        let mut warnings = self.rates_and_hubs(config);
+        if config.estimator.is_some() {
+            warnings.extend(self.turned_units(config));
+        }
+        warnings
+    }
+
+    /// Rates and tables that differ from the sensors file, and hub accelerometers that are turned.
+    pub(crate) fn rates_and_hubs(&self, config: &Config) -> Vec<String> {
         let Some(settings) = &config.estimator else {
             return Vec::new();
         };
@@ -166,7 +175,6 @@ impl Listened {
                 warnings.push(format!("hub accelerometer {corner}: {wrong}"));
             }
         }
-        warnings.extend(self.turned_units(config));
         warnings
     }
 

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use estimator::calibration::Recording;
-use sample::LogTime;
-use store::{Reader, Record, Selection};
+use sample::{LogTime, Wheel};
+use store::{Reader, Record, Selection, Values};
 
 use crate::{Config, Error, Result};
 
@@ -49,7 +49,30 @@ pub fn read_recording(path: &Path) -> Result<Recording> {
             _ => {}
         }
     }
+    read_temperatures(&reader, &mut recording)?;
     Ok(recording)
+}
+
+/// Reads the temperatures of the bridges, which are values of controllers.
+fn read_temperatures(reader: &Reader, recording: &mut Recording) -> Result<()> {
+    let channels = reader.info().channels;
+    for topic in channels
+        .keys()
+        .filter(|topic| topic.starts_with("/control/"))
+    {
+        let table = reader.table(topic, LogTime(0), LogTime(u64::MAX))?;
+        for column in &table.columns {
+            let corner = column.name.strip_prefix("bridge_temperature_");
+            let wheel = corner.and_then(Wheel::from_abbreviation);
+            if let (Some(wheel), Values::F64(values)) = (wheel, &column.values) {
+                for (time_ns, value) in table.publish_time_ns.iter().zip(values) {
+                    let time = LogTime(u64::try_from(*time_ns).unwrap_or_default());
+                    recording.push_temperature(time, wheel, *value);
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The device's name in `/imu/<name>` and `/gnss/<name>/...`.

@@ -67,9 +67,11 @@ pub fn simulate<E: From<Error>>(
 }
 
 #[cfg(test)]
-mod drives;
+pub(crate) mod drives;
 #[cfg(test)]
 mod late_tests;
+#[cfg(test)]
+mod temperature_tests;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

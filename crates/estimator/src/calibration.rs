@@ -14,6 +14,7 @@ mod resolved;
 pub mod rest;
 pub mod steer;
 mod step;
+pub mod temperature;
 pub mod weight;
 pub mod wheel_radius;
 pub mod zero;
@@ -31,6 +32,7 @@ pub use recording::{Column, ImuColumns, Recording, Vectors};
 pub use recording_error::{ReadingProblem, RecordingError};
 pub use resolved::{Channel, CornerChannels, HubSensor, Resolved};
 pub use step::{Calibrated, Step};
+pub use temperature::TemperatureCalibration;
 
 /// A calibration file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -141,6 +143,9 @@ pub struct ChannelCalibration {
     /// The channel is not to be used.
     #[serde(default)]
     pub dead: bool,
+    /// Drift of a strain channel with the temperature of its bridge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<TemperatureCalibration>,
 }
 
 /// Steering wheel.

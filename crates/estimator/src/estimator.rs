@@ -10,6 +10,7 @@ mod placement;
 mod road;
 mod sensors;
 mod stages;
+mod temperature;
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
@@ -45,6 +46,7 @@ use events::Divergence;
 use lagged::Past;
 use monitors::ConsistencyMonitors;
 use stages::MeasuredForces;
+use temperature::BridgeTemperatures;
 
 /// Spacing of the instants that have parameters, ns.
 const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
@@ -82,6 +84,7 @@ pub struct Estimator {
     /// Vehicle and calibration without payload.
     unloaded: Vehicle,
     unloaded_calibration: Resolved,
+    temperatures: BridgeTemperatures,
     /// Payloads on the vehicle.
     payload: Vec<String>,
     sensors: Sensors,
@@ -194,6 +197,7 @@ impl Estimator {
             vehicle: vehicle.clone(),
             unloaded,
             unloaded_calibration,
+            temperatures: BridgeTemperatures::default(),
             payload: {
                 let mut names = settings.payload.clone();
                 names.sort();
@@ -287,6 +291,10 @@ impl Estimator {
             Measurement::Control(control) => {
                 if let Some(force_n) = control.hitch_force_n() {
                     self.waiting.push(time, Held::HitchForce(force_n));
+                }
+                if let Some(temperatures_c) = control.bridge_temperatures_c() {
+                    self.waiting
+                        .push(time, Held::BridgeTemperature(temperatures_c));
                 }
                 if let Some(torques_n_m) = control.wheel_torques_n_m() {
                     self.waiting.push(time, Held::WheelTorque(torques_n_m));

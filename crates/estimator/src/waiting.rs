@@ -43,6 +43,8 @@ pub enum Held {
     HitchForce([f64; 3]),
     /// Drive and brake torque of each wheel, N m; `NaN` where there is none.
     WheelTorque([[f64; 4]; 2]),
+    /// Temperature of the bridges of each wheel, degrees Celsius; `NaN` where there is none.
+    BridgeTemperature([f64; 4]),
 }
 
 /// A sample with its time of validity.
@@ -73,6 +75,7 @@ impl Entry {
             Held::HubAcceleration(hub) => 9 + hub.wheel.index() as u8,
             Held::HitchForce(_) => 13,
             Held::WheelTorque(_) => 14,
+            Held::BridgeTemperature(_) => 15,
         }
     }
 
@@ -97,6 +100,7 @@ impl Entry {
             Held::SteeringWheel(angle) => angle.to_bits(),
             Held::HitchForce(force) => digest(*force),
             Held::WheelTorque(torques) => digest(torques.iter().flatten().copied()),
+            Held::BridgeTemperature(temperatures) => digest(*temperatures),
             Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
             Held::HubAcceleration(hub) => {
                 let axes = hub.specific_force_m_s2;

@@ -376,6 +376,22 @@ impl ControlSample {
             .then(|| axes.map(Option::unwrap_or_default))
     }
 
+    /// Temperature of the bridges of each wheel, degrees Celsius: values with the names `bridge_temperature_FL` and the
+    /// unit degC. `NaN` where a wheel has no value; `None` where none has one.
+    #[must_use]
+    pub fn bridge_temperatures_c(&self) -> Option<[f64; 4]> {
+        let mut temperatures = [f64::NAN; 4];
+        for Signal { name, value, unit } in &self.values {
+            let corner = name.strip_prefix("bridge_temperature_");
+            let wheel = corner.and_then(Wheel::from_abbreviation);
+            if let (Some(wheel), "degC") = (wheel, &**unit) {
+                temperatures[wheel.index()] = *value;
+            }
+        }
+        let any = temperatures.iter().any(|value| value.is_finite());
+        any.then_some(temperatures)
+    }
+
     /// Drive and brake torque of each wheel about its spindle, N m: values with the names `drive_torque_FL` and
     /// `brake_torque_FL` and the unit N m or Nm. `NaN` where a wheel has no value; `None` where none has one.
     #[must_use]

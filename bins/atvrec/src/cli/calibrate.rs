@@ -26,6 +26,9 @@ pub enum CalibrateCommand {
     WheelRadius(CalibrateArgs),
     /// Bias and axes of the hub accelerometers, from rest and a drive with braking and turns.
     Hub(CalibrateArgs),
+    /// Drift of zeros and gains of the strain bridges with temperature, from logs at rest in which the
+    /// temperature of the bridges changes by 8 K or more.
+    Temperature(CalibrateArgs),
 }
 
 impl CalibrateCommand {
@@ -39,7 +42,8 @@ impl CalibrateCommand {
             | Self::Imu(args)
             | Self::Gnss(args)
             | Self::WheelRadius(args)
-            | Self::Hub(args) => args,
+            | Self::Hub(args)
+            | Self::Temperature(args) => args,
         }
     }
 }

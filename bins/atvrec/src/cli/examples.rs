@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 57] = [
+pub const EXAMPLES: [(&str, &str); 59] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -56,6 +56,14 @@ pub const EXAMPLES: [(&str, &str); 57] = [
     ("atvrec info drive.mcap", "show times, channels and losses"),
     ("atvrec check", "check atvrec.toml and the devices in it"),
     ("atvrec check car.toml --no-devices", "check the files only"),
+    (
+        "atvrec check car.toml --with minute.mcap",
+        "compare the files with a recorded minute: signs, units, order of the wheels",
+    ),
+    (
+        "atvrec calibrate temperature morning.mcap noon.mcap",
+        "drift of the strain bridges with temperature",
+    ),
     (
         "atvrec calibrate zero hanging.mcap",
         "zero offsets, from a log with the wheels hanging free",

@@ -58,6 +58,7 @@ fn step(command: &CalibrateCommand) -> Step {
         },
         CalibrateCommand::WheelRadius(_) => Step::WheelRadius,
         CalibrateCommand::Hub(_) => Step::Hub,
+        CalibrateCommand::Temperature(_) => Step::Temperature,
     }
 }
 

@@ -1,5 +1,7 @@
 //! `atvrec check`: errors of a configuration, and whether its devices send data.
 
+mod with_log;
+
 use std::collections::BTreeMap;
 
 use acq::SourceCounters;
@@ -58,6 +60,9 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
         }
         Err(error) => return Err(error),
     };
+    if !args.with_log.is_empty() {
+        return with_log::run(args, &config);
+    }
     // The engine checks the configuration further.
     let engine = Engine::new(&config)?;
     let (devices, listened) = if args.no_devices {

@@ -7,6 +7,8 @@
 )]
 
 mod calibrate;
+mod calibrate_temperature;
+mod check_with_log;
 mod compat;
 mod configuration;
 #[cfg(feature = "live")]

@@ -255,6 +255,7 @@ impl LoadRig {
                 offset_sigma_counts: Some(line.offset[1]),
                 gain_per_count: Some(1.0 / line.slope[0]),
                 dead: false,
+                temperature: slot.temperature,
             };
             self.tell(wheel, channel, &table, &line);
             figure.series.push(Series {

@@ -111,6 +111,8 @@ pub struct Recording {
     pub hub_acceleration: PerWheel<Vectors>,
     /// Wheel speeds, rad/s.
     pub wheel_speed: PerWheel<Column>,
+    /// Temperature of the bridges of each corner, degrees Celsius.
+    pub temperature_c: PerWheel<Column>,
     /// Measured steering-wheel angle, rad.
     pub steer: Column,
     /// First inertial unit.
@@ -137,12 +139,20 @@ impl Recording {
             deflection: PerWheel::default(),
             hub_acceleration: PerWheel::default(),
             wheel_speed: PerWheel::default(),
+            temperature_c: PerWheel::default(),
             steer: Column::default(),
             imu: ImuColumns::default(),
             imu_source: None,
             velocity: BTreeMap::new(),
             attitude: BTreeMap::new(),
             marks: Vec::new(),
+        }
+    }
+
+    /// Takes a temperature of the bridges of a corner, degrees Celsius.
+    pub fn push_temperature(&mut self, time: LogTime, wheel: Wheel, temperature_c: f64) {
+        if temperature_c.is_finite() {
+            self.temperature_c[wheel].push(time.seconds_since(self.start), temperature_c);
         }
     }
 
@@ -205,6 +215,12 @@ impl Recording {
                 let angles = angles.map(|a| a.filter(|_| good).unwrap_or(f64::NAN));
                 let column = self.attitude.entry(source.to_owned()).or_default();
                 column.push(time_s, angles);
+            }
+            Measurement::Control(control) => {
+                let temperatures_c = control.bridge_temperatures_c().unwrap_or([f64::NAN; 4]);
+                for wheel in Wheel::ALL {
+                    self.push_temperature(time, wheel, temperatures_c[wheel.index()]);
+                }
             }
             _ => {}
         }

@@ -90,6 +90,20 @@ pub enum RecordingError {
         /// Time of the mark, s since the begin of the log.
         time_s: f64,
     },
+    /// The vehicle moves in a recording that needs rest.
+    #[error(
+        "{log}: the vehicle moves: {what} {value:.3} {unit}; leave it at rest for the whole log, on stands or with a constant load"
+    )]
+    Moves {
+        /// The recording.
+        log: String,
+        /// What moves.
+        what: &'static str,
+        /// Largest value.
+        value: f64,
+        /// Its unit.
+        unit: &'static str,
+    },
     /// A mark cannot be read.
     #[error("{log}: the mark \"{text}\" at {time_s:.1} s: {problem}")]
     Mark {

@@ -5,7 +5,7 @@ use model::strain::largest_count;
 use nalgebra::{Matrix3, Vector3};
 use sample::{Counts, PerWheel, StrainChannel, Wheel};
 
-use super::{Calibration, ChannelCalibration};
+use super::{Calibration, ChannelCalibration, TemperatureCalibration};
 use crate::EstimatorError;
 use crate::handling::Handling;
 
@@ -14,6 +14,8 @@ use crate::handling::Handling;
 pub struct Resolved {
     /// Channels of each corner.
     pub corners: PerWheel<CornerChannels>,
+    /// Drift of the strain channels with temperature; `None` for those without one.
+    pub drift: PerWheel<[Option<TemperatureCalibration>; StrainChannel::COUNT]>,
     /// Hub accelerometers; none where the sensors file has none or the calibration calls one dead.
     pub hubs: PerWheel<Option<HubSensor>>,
     /// Speed over wheel speed, rolling freely, m, where it was measured.
@@ -153,6 +155,7 @@ impl Resolved {
         let velocity = &calibration.gnss_velocity;
         Ok(Self {
             corners: PerWheel(std::array::from_fn(|i| corners[i])),
+            drift: drifts(calibration)?,
             hubs: hubs(sensors, calibration)?,
             rolling_radius_m: rolling_radii(calibration)?,
             steer_offset_rad: finite("steer.offset_rad", calibration.steer.offset_rad)?,
@@ -244,6 +247,45 @@ fn hubs(
         });
     }
     Ok(hubs)
+}
+
+fn drifts(
+    calibration: &Calibration,
+) -> Result<PerWheel<[Option<TemperatureCalibration>; StrainChannel::COUNT]>, EstimatorError> {
+    let mut drifts: PerWheel<[Option<TemperatureCalibration>; StrainChannel::COUNT]> =
+        PerWheel::default();
+    for (wheel, corner) in &calibration.corner {
+        for (channel, given) in &corner.strain {
+            let Some(drift) = given.temperature.filter(|drift| !drift.is_none()) else {
+                continue;
+            };
+            let name = format!(
+                "corner.{}.strain.{}.temperature",
+                wheel_key(*wheel),
+                channel.name()
+            );
+            for (field, value) in [
+                ("reference_c", drift.reference_c),
+                ("offset_counts_per_k", drift.offset_counts_per_k),
+                ("offset_sigma_counts_per_k", drift.offset_sigma_counts_per_k),
+                ("offset_counts_per_k2", drift.offset_counts_per_k2),
+                ("gain_per_k", drift.gain_per_k),
+                ("gain_sigma_per_k", drift.gain_sigma_per_k),
+            ] {
+                finite(&format!("{name}.{field}"), value)?;
+            }
+            // A bridge of foil gauges changes by parts of a thousand in a kelvin.
+            if drift.gain_per_k.abs() > 5e-3 {
+                return Err(EstimatorError::Value {
+                    name: format!("{name}.gain_per_k"),
+                    value: drift.gain_per_k,
+                    expected: "a part of at most 0.005 per kelvin",
+                });
+            }
+            drifts[*wheel][channel.index()] = Some(drift);
+        }
+    }
+    Ok(drifts)
 }
 
 fn rolling_radii(calibration: &Calibration) -> Result<PerWheel<Option<f64>>, EstimatorError> {

@@ -4,6 +4,7 @@ mod gnss;
 mod hub;
 mod imu;
 mod marked;
+mod temperature;
 mod zero;
 
 use crate::EstimatorError;
@@ -40,6 +41,8 @@ pub enum Step {
     WheelRadius,
     /// Biases and axes of the hub accelerometers.
     Hub,
+    /// Drift of the strain channels with temperature.
+    Temperature,
 }
 
 /// What a step found.
@@ -64,6 +67,7 @@ impl Step {
             Self::Steer { .. } => "steer",
             Self::WheelRadius => "wheel-radius",
             Self::Hub => "hub",
+            Self::Temperature => "temperature",
         }
     }
 
@@ -77,7 +81,7 @@ impl Step {
         known: &Calibration,
     ) -> Result<Calibrated, EstimatorError> {
         check_one_vehicle(recordings)?;
-        match self {
+        let mut found = match self {
             Self::Zero { weight_sigma } => zero::zero(self.one(recordings)?, known, *weight_sigma),
             Self::Imu => imu::imu(recordings, known),
             Self::Gnss => gnss::gnss(self.one(recordings)?, known),
@@ -88,7 +92,12 @@ impl Step {
             }
             Self::WheelRadius => gnss::wheel_radius(self.one(recordings)?, known),
             Self::Hub => hub::hub(recordings, known),
+            Self::Temperature => temperature::temperature(recordings, known),
+        }?;
+        if matches!(self, Self::Zero { .. } | Self::LoadRig) {
+            temperature::keep_drift(recordings, known, &mut found);
         }
+        Ok(found)
     }
 
     /// The only recording of a step that takes one.

@@ -200,6 +200,7 @@ impl Zero {
                     slot.gain_per_count
                 },
                 dead: false,
+                temperature: slot.temperature,
             };
             // The bootstrap of the readings knows neither the model's error nor the converter's steps.
             let as_wide = |[low, high]: [f64; 2]| {

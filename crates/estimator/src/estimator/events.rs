@@ -114,6 +114,25 @@ pub(super) fn frozen_event(now: LogTime, change: FrozenChange) -> Event {
     sensor_event(now, change.frozen, name, FROZEN)
 }
 
+pub(super) fn temperature_event(
+    now: LogTime,
+    wheel: Wheel,
+    is_old: bool,
+    last_c: Option<f64>,
+) -> Event {
+    let name = format!("{wheel} bridge temperature");
+    let why = match last_c {
+        Some(last_c) => format!(
+            "does not arrive; the last value of {last_c:.1} degrees Celsius is used with a larger standard deviation of \
+             the strain offsets"
+        ),
+        None => "does not arrive; the reference temperature of the calibration is used with a larger standard deviation \
+                 of the strain offsets"
+            .to_owned(),
+    };
+    sensor_event(now, is_old, name, &why)
+}
+
 fn sensor_event(now: LogTime, faulty: bool, name: String, why: &str) -> Event {
     let text = if faulty {
         format!("channel {name} {why}")

@@ -45,6 +45,7 @@ impl Estimator {
         let resets = self.motion.resets();
         self.motion.set_imu_consistent(self.feedback.imu_consistent);
         self.take_waiting(time, out);
+        self.correct_drift(time, out);
         self.monitor_biases(time, out);
         let settling_s = self.settings.tuning.settling_s;
         let settled = |since| time.seconds_since(since) > settling_s;
@@ -90,6 +91,9 @@ impl Estimator {
                     self.take_hub_acceleration(time, &hub, now, out);
                 }
                 Held::HitchForce(force_n) => self.readings.hitch_n = Some((time, force_n)),
+                Held::BridgeTemperature(temperatures_c) => {
+                    self.temperatures.push(time, &temperatures_c);
+                }
                 Held::WheelTorque(torques) => self.readings.push_torques(time, &torques),
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {

@@ -176,7 +176,9 @@ fn marked<const N: usize>(
 }
 
 /// Marks `rig <wheel> <F_x> <F_y> <F_z>` with their times.
-fn rig_marks(recording: &Recording) -> Result<Vec<(f64, Wheel, [f64; 3])>, RecordingError> {
+pub(super) fn rig_marks(
+    recording: &Recording,
+) -> Result<Vec<(f64, Wheel, [f64; 3])>, RecordingError> {
     let marks = recording.marks.iter();
     let marks = marks.filter_map(|mark| Some((mark, mark.1.strip_prefix("rig ")?)));
     marks
