@@ -223,7 +223,17 @@ pub(super) fn road(time: LogTime, mut rest: &[u8]) -> Option<Road> {
         }
     }
     let per_wheel = |place: usize| PerWheel(wheels.map(|values| values[place]));
-    let [bank, bank_sigma, grade, grade_sigma, warp, warp_sigma, _, left, right] = values;
+    let [
+        bank,
+        bank_sigma,
+        grade,
+        grade_sigma,
+        warp,
+        warp_sigma,
+        _,
+        left,
+        right,
+    ] = values;
     Some(Road {
         time,
         unknown: road_unknown(unknown),
@@ -313,7 +323,12 @@ fn wheel_ground(mut rest: &[u8]) -> Option<(Wheel, WheelGround)> {
             _ => return None,
         }
     }
-    let [normal, spindle, centre_acceleration_m_s2, unsprung_inertia_n] = vectors;
+    let [
+        normal,
+        spindle,
+        centre_acceleration_m_s2,
+        unsprung_inertia_n,
+    ] = vectors;
     let [normal_body, spindle_body] = [normal, spindle].map(|v| v.unwrap_or([f64::NAN; 3]));
     let ground = WheelGround {
         normal_body,

@@ -109,7 +109,9 @@ pub(super) fn joined(
             let Some(message) = messages.next_ref() else {
                 return joiner.take()?.finish().map(|last| Ok(*last));
             };
-            match message.and_then(|message| joiner.as_mut().map_or(Ok(None), |of| of.push(&message))) {
+            match message
+                .and_then(|message| joiner.as_mut().map_or(Ok(None), |of| of.push(&message)))
+            {
                 Err(error) => return Some(Err(error)),
                 Ok(None) => {}
                 Ok(Some(done)) => return Some(Ok(*done)),

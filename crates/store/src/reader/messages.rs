@@ -399,7 +399,9 @@ impl Iterator for MessageIter {
     }
 }
 
-pub(super) fn bad_message(message: MessageRef<'_>) -> impl FnOnce(crate::error::MessageError) -> Error {
+pub(super) fn bad_message(
+    message: MessageRef<'_>,
+) -> impl FnOnce(crate::error::MessageError) -> Error {
     let topic = message.channel.topic.clone();
     let log_time = message.log_time.0;
     move |cause| Error::BadMessage {
