@@ -57,9 +57,7 @@ pub(super) fn frames<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> Frame
 }
 
 /// The same; `None` where the estimates have no force.
-pub(super) fn known_frames<'a>(
-    estimates: impl Iterator<Item = &'a Estimate>,
-) -> Option<Frames> {
+pub(super) fn known_frames<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> Option<Frames> {
     use ForceFrame::{Contact, WheelCarrier};
     let mut is_given = [false; 2];
     for estimate in estimates {
@@ -172,7 +170,8 @@ impl InFrame {
             }
         }
         for k in 0..self.normalised[0].len() {
-            self.windows.push(&self.normalised.each_ref().map(|all| all[k]));
+            self.windows
+                .push(&self.normalised.each_ref().map(|all| all[k]));
         }
         self.normalised.iter_mut().for_each(Vec::clear);
     }
@@ -226,7 +225,12 @@ impl LowPassed {
     /// Takes the next part.
     pub fn push(&mut self, pairs: &[Pair], frames: Option<&Frames>) {
         if self.frames.is_none() {
-            let force = || (TwoWay::low_pass(self.hz), RelativeErrorStatistics::default());
+            let force = || {
+                (
+                    TwoWay::low_pass(self.hz),
+                    RelativeErrorStatistics::default(),
+                )
+            };
             self.frames = frames.map(|frames| {
                 frames.map(|[truth, estimate]| LowPassedInFrame {
                     truth,

@@ -5,9 +5,7 @@ use estimator::score::{DelayStatistics, ErrorStatistics, Errors, SquareStatistic
 use sample::PerWheel;
 
 use super::forces::{self, Frames};
-use super::{
-    DELAY_MAX, INTERVAL_S, Pair, Signal, SignalScore, each_plain, each_signal,
-};
+use super::{DELAY_MAX, INTERVAL_S, Pair, Signal, SignalScore, each_plain, each_signal};
 
 /// Errors of all signals so far.
 #[derive(Default)]
@@ -91,10 +89,14 @@ impl Statistics {
         let [values, truths, normalised] = &mut self.part;
         self.errors.push(values, truths);
         self.delay.push(values, truths);
-        for z in normalised.drain(..) {
-            self.squares.push(z);
-            self.windows.push(&[z]);
+        // Most signals have no standard deviation.
+        if normalised.iter().any(|z| z.is_finite()) {
+            for z in normalised.iter() {
+                self.squares.push(*z);
+                self.windows.push(&[*z]);
+            }
         }
+        normalised.clear();
         values.clear();
         truths.clear();
     }
