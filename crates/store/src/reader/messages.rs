@@ -161,13 +161,16 @@ struct OpenFile {
     file: Arc<LogFile>,
     scanner: Scanner<File>,
     wanted: BTreeSet<u16>,
-    /// The wanted channels by number, and what their messages tell of an estimate.
-    channels: Vec<Option<(Arc<ChannelInfo>, Option<(Part, Stage)>)>>,
+    /// The wanted channels by number.
+    channels: Vec<Option<Wanted>>,
     next_part: usize,
     /// Records of the part that is being read, and the number of bytes that are done.
     records: Vec<u8>,
     done: usize,
 }
+
+/// A wanted channel, and what its messages tell of an estimate.
+type Wanted = (Arc<ChannelInfo>, Option<(Part, Stage)>);
 
 /// Where the contents of a message are.
 struct Located {
