@@ -2,7 +2,7 @@
 //! what is lost, what it costs, whether memory grows.
 //!
 //! usage: `ingest PATH-OF-ATVREC [SECONDS]`, or `ingest --log LOG...` for how far behind the
-//! kernel's stamps the frames of a recording were taken.
+//! kernel's stamps the frames of a recording were taken, and when raw and decoded data was written.
 //!
 //! The buses are SLCAN adapters on pseudo-terminals, because those exist on every machine; a
 //! SocketCAN frame costs the recorder less, having no text to parse.
@@ -338,6 +338,7 @@ fn print_result(folder: &Path, sent: &[Vec<Burst>], cost: &Cost) -> anyhow::Resu
         bytes as f64 / total as f64
     );
     print_delays("taken behind its write", &mut delays);
+    print_writing(&logs)?;
     println!(
         "                              ({} files, one each {ROTATE_S} s, synced each 0.5 s)",
         logs.len()
@@ -345,11 +346,11 @@ fn print_result(folder: &Path, sent: &[Vec<Burst>], cost: &Cost) -> anyhow::Resu
     Ok(())
 }
 
-/// The distribution of how late frames were taken.
+/// The distribution of how late something was.
 fn print_delays(what: &str, delays_ns: &mut [i64]) {
     delays_ns.sort_unstable();
     let Some(last) = delays_ns.len().checked_sub(1) else {
-        return println!("{what:<30}no frames");
+        return println!("{what:<30}nothing");
     };
     let at = |share: f64| delays_ns[(last as f64 * share) as usize] as f64 * 1e-6;
     println!(
@@ -372,6 +373,54 @@ fn print_kernel_delays(logs: &[PathBuf]) -> anyhow::Result<()> {
         }
     }
     print_delays("taken behind kernel's stamp", &mut delays);
+    print_writing(logs)
+}
+
+/// How long after its arrival data was written into the log: raw arrivals, and decoded messages.
+///
+/// Times are those of the log clock. A group of raw data is written when the first arrival of the next group
+/// is there. A chunk of decoded messages is written after the group before it in the file, and not before
+/// its own last message.
+fn print_writing(logs: &[PathBuf]) -> anyhow::Result<()> {
+    let (mut raw, mut decoded) = (Vec::new(), Vec::new());
+    for log in logs {
+        let data = std::fs::read(log)?;
+        let summary = mcap::Summary::read(&data)?.context("the log has no summary")?;
+        let mut chunks = Vec::new();
+        for index in &summary.chunk_indexes {
+            let mut times = Vec::new();
+            let mut is_raw = false;
+            for message in summary.stream_chunk(&data, index)? {
+                let message = message?;
+                let schema = message.channel.schema.as_ref();
+                is_raw |= schema.is_some_and(|schema| schema.name.starts_with("atvrec.Raw"));
+                times.push(message.log_time as i64);
+            }
+            chunks.push((index.chunk_start_offset, is_raw, times));
+        }
+        chunks.sort_by_key(|(offset, _, _)| *offset);
+        let first = |(_, _, times): &&(u64, bool, Vec<i64>)| times.iter().min().copied();
+        let starts: Vec<i64> = chunks
+            .iter()
+            .filter(|chunk| chunk.1)
+            .filter_map(|c| first(&c))
+            .collect();
+        for arrival in Reader::open([log])?.arrivals() {
+            let time = arrival?.log_time.0 as i64;
+            let next = starts.partition_point(|start| *start <= time);
+            raw.extend(starts.get(next).map(|written| written - time));
+        }
+        let mut groups = 0;
+        for (_, is_raw, times) in &chunks {
+            groups += usize::from(*is_raw);
+            if let (false, Some(group)) = (*is_raw, starts.get(groups)) {
+                let written = times.iter().fold(*group, |last, time| last.max(*time));
+                decoded.extend(times.iter().map(|time| written - time));
+            }
+        }
+    }
+    print_delays("raw data written", &mut raw);
+    print_delays("decoded messages written", &mut decoded);
     Ok(())
 }
 

@@ -26,6 +26,8 @@ pub struct ReplayOptions {
     pub verify: bool,
     /// Pass the truth of a simulation to the sink too.
     pub truth: bool,
+    /// Pass only arrivals to the sink: a verification then takes the records without a copy.
+    pub without_records: bool,
 }
 
 /// Result of a replay.
@@ -170,8 +172,7 @@ impl<'r> Replay<'r> {
                 if skipped.contains(arrival.sequence) {
                     done.skipped += 1;
                 } else {
-                    self.step(&arrival)?;
-                    done.records += self.records.len() as u64;
+                    done.records += self.step(&arrival)?;
                 }
                 if let Some(truth) = &mut truth {
                     truth.until(time, &mut sink)?;
@@ -233,12 +234,14 @@ impl<'r> Replay<'r> {
         }
     }
 
-    /// Processes an arrival with the engines.
-    fn step(&mut self, arrival: &Arrival) -> Result<()> {
+    /// Processes an arrival with the engines, and returns the number of records.
+    fn step(&mut self, arrival: &Arrival) -> Result<u64> {
         self.engine.push(arrival, &mut self.records);
+        let count = self.records.len() as u64;
         self.expect(arrival.log_time, |engine, records| {
             engine.push(arrival, records);
-        })
+        })?;
+        Ok(count)
     }
 
     fn finish_engines(&mut self) -> Result<()> {
@@ -261,9 +264,10 @@ impl<'r> Replay<'r> {
             Some((engine, records)) => {
                 records.clear();
                 work(engine, records);
-                verifier.expect(records, now)
+                verifier.expect(records.drain(..), now)
             }
-            None => verifier.expect(&self.records, now),
+            None if self.options.without_records => verifier.expect(self.records.drain(..), now),
+            None => verifier.expect(self.records.iter().cloned(), now),
         }
     }
 
@@ -271,6 +275,9 @@ impl<'r> Replay<'r> {
         &mut self,
         sink: &mut impl FnMut(Entry) -> std::result::Result<(), E>,
     ) -> std::result::Result<(), E> {
+        if self.options.without_records {
+            return Ok(());
+        }
         let mut records = self.records.drain(..);
         records.try_for_each(|record| sink(Entry::Record(record)))
     }

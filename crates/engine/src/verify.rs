@@ -22,14 +22,16 @@ const MESSAGES_PER_RECORD_MAX: u64 = 5;
 
 /// Compares the messages of a replay with those of the log, on a thread of its own.
 pub struct Verifier {
-    encoder: LogWriter<Sink>,
     comparing: Behind<Step, Result<Verification>>,
 }
 
 /// What the comparison has to take into account, in the order of the replay.
 enum Step {
-    /// Messages of the arrival at a time.
-    Computed(Vec<Encoded>, LogTime),
+    /// Record of the present arrival. The thread of the comparison encodes it: it has less work than that of
+    /// the replay.
+    Computed(Record),
+    /// End of the arrival at a time.
+    Arrival(LogTime),
     /// Missing arrivals from a number on, and the time of the last arrival before them.
     ArrivalsMissing(u64, LogTime),
     /// Number of the first arrival of a log without its beginning.
@@ -40,12 +42,14 @@ enum Step {
 
 impl Verifier {
     /// Verifier of the messages of `reader`; `encoder` converts the records of the replay to messages.
-    pub fn new(reader: &Reader, encoder: LogWriter<Sink>, left_out: &LeftOut) -> Self {
+    pub fn new(reader: &Reader, mut encoder: LogWriter<Sink>, left_out: &LeftOut) -> Self {
         let mut comparison = Comparison::new(reader, left_out);
         let compare = move |steps: Receiver<Vec<Step>>| {
+            let mut messages = Vec::new();
             for step in steps.into_iter().flatten() {
                 match step {
-                    Step::Computed(messages, now) => comparison.expect(messages, now)?,
+                    Step::Computed(record) => messages.extend(encoder.encode(&record)),
+                    Step::Arrival(now) => comparison.expect(&mut messages, now)?,
                     Step::ArrivalsMissing(first, time) => comparison.arrivals_missing(first, time),
                     Step::BeginningMissing(first) => comparison.beginning_missing(first),
                     Step::EndMissing(last) => comparison.end_missing(last),
@@ -54,7 +58,6 @@ impl Verifier {
             comparison.finish()
         };
         Self {
-            encoder,
             comparing: Behind::start(compare),
         }
     }
@@ -80,11 +83,9 @@ impl Verifier {
     ///
     /// # Errors
     /// If the messages of the log cannot be read; also those of earlier arrivals.
-    pub fn expect(&mut self, records: &[Record], now: LogTime) -> Result<()> {
-        let messages = records
-            .iter()
-            .flat_map(|record| self.encoder.encode(record));
-        if self.comparing.push(Step::Computed(messages.collect(), now)) {
+    pub fn expect(&mut self, records: impl Iterator<Item = Record>, now: LogTime) -> Result<()> {
+        let mut steps = records.map(Step::Computed).chain([Step::Arrival(now)]);
+        if steps.all(|step| self.comparing.push(step)) {
             return Ok(());
         }
         self.result().map(drop)

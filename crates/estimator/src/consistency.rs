@@ -11,7 +11,7 @@
 //! with rho measured over the whole run about zero, so that an error that never changes sign counts
 //! as one draw. The bounds are those of chi-square over nu.
 
-use crate::score::{Distribution, correlate};
+use crate::score::{Distribution, LaggedProducts};
 pub use crate::statistics::chi_squared_bounds;
 
 /// Steps of a window in which an estimator is judged: one second.
@@ -53,9 +53,6 @@ pub fn consistency(normalised: &[Vec<f64>], window: usize) -> Option<Consistency
     all.finish()
 }
 
-/// Steps whose products are formed together.
-const STEPS_TOGETHER: usize = 1024;
-
 /// The same for signals that come step by step, in constant memory.
 #[derive(Clone, Debug)]
 pub struct ConsistencyStatistics {
@@ -65,8 +62,10 @@ pub struct ConsistencyStatistics {
     steps: usize,
     /// Sum of the squares of each signal.
     squares: Vec<f64>,
-    /// Sums of the products of each pair of signals, for each lag of the first from 0 to `window - 1`.
-    products: Vec<Vec<f64>>,
+    /// Sum of the squares of all signals in the present window.
+    window_squares: f64,
+    /// Products of each pair of signals, for each lag from 0 to `window - 1`.
+    products: LaggedProducts,
     means: Distribution,
     sum_of_means: f64,
 }
@@ -80,7 +79,8 @@ impl ConsistencyStatistics {
             recent: vec![Vec::new(); signals],
             steps: 0,
             squares: vec![0.0; signals],
-            products: vec![vec![0.0; window]; signals * signals],
+            window_squares: 0.0,
+            products: LaggedProducts::new(signals, window),
             means: Distribution::default(),
             sum_of_means: 0.0,
         }
@@ -91,46 +91,33 @@ impl ConsistencyStatistics {
         if self.window == 0 || !step.iter().all(|z| z.is_finite()) {
             return;
         }
-        for (recent, z) in self.recent.iter_mut().zip(step) {
+        let sums = self.recent.iter_mut().zip(&mut self.squares);
+        for ((recent, sum), z) in sums.zip(step) {
             recent.push(*z);
-        }
-        for (sum, z) in self.squares.iter_mut().zip(step) {
             *sum += z * z;
+            self.window_squares += z * z;
         }
         self.steps += 1;
         if self.steps.is_multiple_of(self.window) {
             self.end_window();
         }
         let length = self.recent.first().map_or(0, Vec::len);
-        if length >= self.window - 1 + STEPS_TOGETHER.max(self.window) {
-            self.form_products(length - (self.window - 1));
+        if length == self.products.block() + self.window - 1 {
+            self.form_products(self.products.block());
         }
     }
 
     fn end_window(&mut self) {
-        let count = (self.recent.len() * self.window) as f64;
-        let last = |z: &Vec<f64>| z.len() - self.window;
-        let squares = self.recent.iter().flat_map(|z| &z[last(z)..]);
-        let mean = squares.map(|z| z * z).sum::<f64>() / count;
+        let mean = self.window_squares / (self.recent.len() * self.window) as f64;
+        self.window_squares = 0.0;
         self.sum_of_means += mean;
         self.means.push(mean);
     }
 
     /// Forms the products of the steps before `end` with those up to `window - 1` after them.
     fn form_products(&mut self, end: usize) {
-        let count = self.recent.len();
-        for (first, products) in self.recent.iter().zip(self.products.chunks_mut(count)) {
-            let pairs = self.recent.chunks(2).zip(products.chunks_mut(2));
-            for (seconds, sums) in pairs {
-                match (seconds, sums) {
-                    ([one, other], [sums, others]) => {
-                        correlate([&one[..end], &other[..end]], first, [sums, others]);
-                    }
-                    ([one], [sums]) => correlate([&one[..end]], first, [sums]),
-                    _ => {}
-                }
-            }
-        }
+        let all = |count: usize| self.recent.iter().map(|z| &z[..count]).collect::<Vec<_>>();
+        self.products.add(&all(end), &all(end + self.window - 1));
         for recent in &mut self.recent {
             recent.drain(..end);
         }
@@ -172,7 +159,7 @@ impl ConsistencyStatistics {
             .map(|sum| sum.max(f64::MIN_POSITIVE) / self.steps as f64)
             .collect();
         let mut sum = 0.0;
-        for (pair, products) in self.products.iter().enumerate() {
+        for (pair, products) in self.products.sums().enumerate() {
             let (i, j) = (pair / signals, pair % signals);
             for (lag, product) in products.iter().enumerate() {
                 let pairs = self.steps - lag;

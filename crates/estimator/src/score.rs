@@ -4,10 +4,10 @@
 //! finite are left out. The statistics take a long series part by part, in constant memory.
 
 mod distribution;
-
-use multiversion::multiversion;
+mod products;
 
 pub use distribution::Distribution;
+pub(crate) use products::LaggedProducts;
 
 /// Errors of one signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,22 +36,57 @@ pub fn errors(estimate: &[f64], truth: &[f64]) -> Option<Errors> {
 #[derive(Clone, Debug, Default)]
 pub struct ErrorStatistics {
     sum: f64,
-    squares: f64,
+    relative: RelativeErrorStatistics,
     sizes: Distribution,
+}
+
+/// Root mean square of the errors of a signal that comes in parts, and the peak of its truth.
+#[derive(Clone, Debug, Default)]
+pub struct RelativeErrorStatistics {
+    count: usize,
+    squares: f64,
     largest_truth: f64,
+}
+
+impl RelativeErrorStatistics {
+    /// Takes the next part.
+    pub fn push(&mut self, estimate: &[f64], truth: &[f64]) {
+        for (e, t) in estimate.iter().zip(truth) {
+            let error = e - t;
+            if error.is_finite() {
+                self.count += 1;
+                self.squares += error * error;
+            }
+            if t.is_finite() {
+                self.largest_truth = self.largest_truth.max(t.abs());
+            }
+        }
+    }
+
+    /// 100 RMSE / max(peak of |truth|, floor), per cent: for a tyre's force the floor is the static
+    /// wheel load. `None` without a single pair.
+    #[must_use]
+    pub fn normalised_percent(&self, floor: f64) -> Option<f64> {
+        let peak = floor.abs().max(self.largest_truth);
+        (self.count > 0 && peak > 0.0).then(|| 100.0 * self.rmse() / peak)
+    }
+
+    fn rmse(&self) -> f64 {
+        (self.squares / self.count as f64).sqrt()
+    }
 }
 
 impl ErrorStatistics {
     /// Takes the next part.
     pub fn push(&mut self, estimate: &[f64], truth: &[f64]) {
-        for (e, t) in pairs(estimate, truth) {
+        self.relative.push(estimate, truth);
+        for (e, t) in estimate.iter().zip(truth) {
             let error = e - t;
-            self.sum += error;
-            self.squares += error * error;
-            self.sizes.push(error.abs());
+            if error.is_finite() {
+                self.sum += error;
+                self.sizes.push(error.abs());
+            }
         }
-        let sizes = truth.iter().filter(|value| value.is_finite());
-        self.largest_truth = sizes.fold(self.largest_truth, |peak, value| peak.max(value.abs()));
     }
 
     /// The errors so far; `None` without a single pair.
@@ -62,19 +97,16 @@ impl ErrorStatistics {
         Some(Errors {
             count,
             mean: self.sum / count as f64,
-            rmse: (self.squares / count as f64).sqrt(),
+            rmse: self.relative.rmse(),
             peak: self.sizes.largest()?,
             percentile_95: self.sizes.at_rank(rank.clamp(1, count.max(1)) - 1)?,
         })
     }
 
-    /// 100 RMSE / max(peak of |truth|, floor), per cent: for a tyre's force the floor is the static
-    /// wheel load.
+    /// As [`RelativeErrorStatistics::normalised_percent`].
     #[must_use]
     pub fn normalised_percent(&self, floor: f64) -> Option<f64> {
-        let peak = floor.abs().max(self.largest_truth);
-        let errors = self.errors()?;
-        (peak > 0.0).then(|| 100.0 * errors.rmse / peak)
+        self.relative.normalised_percent(floor)
     }
 }
 
@@ -85,7 +117,7 @@ impl ErrorStatistics {
 #[derive(Clone, Debug)]
 pub struct DelayStatistics {
     most: usize,
-    products: Vec<f64>,
+    products: LaggedProducts,
     energies: Vec<f64>,
 }
 
@@ -95,7 +127,7 @@ impl DelayStatistics {
     pub fn new(most: usize) -> Self {
         Self {
             most,
-            products: vec![0.0; 2 * most + 1],
+            products: LaggedProducts::new(1, 2 * most + 1),
             energies: vec![0.0; 2 * most + 1],
         }
     }
@@ -112,7 +144,7 @@ impl DelayStatistics {
             return;
         };
         let middle = &truth[self.most..length - self.most];
-        correlate([middle], &estimate, [&mut self.products]);
+        self.products.add(&[middle], &[&estimate]);
         let mut energy: f64 = estimate[..middle.len()].iter().map(|x| x * x).sum();
         for (shift, sum) in self.energies.iter_mut().enumerate() {
             *sum += energy.max(0.0);
@@ -124,7 +156,8 @@ impl DelayStatistics {
     /// The delay; `None` where no part had an effect or the peak is at the end of the range.
     #[must_use]
     pub fn delay(&self) -> Option<f64> {
-        let both = self.products.iter().zip(&self.energies);
+        let products = self.products.sums().next()?;
+        let both = products.iter().zip(&self.energies);
         let all: Vec<f64> = both
             .map(|(product, energy)| product / energy.max(f64::MIN_POSITIVE).sqrt())
             .collect();
@@ -154,75 +187,6 @@ fn centred(series: &[f64]) -> Option<Vec<f64>> {
     centred.iter().any(|x| *x != 0.0).then_some(centred)
 }
 
-/// Number of lags whose sums are formed together, in registers of the processor.
-const LAGS_TOGETHER: usize = 16;
-
-/// Adds to each `sums[lag]` the products `fixed[k] moving[k + lag]` over all k, in the order of k; of several
-/// equally long series `fixed` in one pass over `moving`.
-pub(crate) fn correlate<const N: usize>(
-    fixed: [&[f64]; N],
-    moving: &[f64],
-    mut sums: [&mut [f64]; N],
-) {
-    let lags = sums.first().map_or(0, |sums| sums.len());
-    let length = fixed.first().map_or(0, |fixed| fixed.len());
-    let mut lag = 0;
-    while lag < lags {
-        let count = (lags - lag).min(LAGS_TOGETHER);
-        let mut running = [[0.0; LAGS_TOGETHER]; N];
-        for (running, sums) in running.iter_mut().zip(&sums) {
-            running[..count].copy_from_slice(&sums[lag..lag + count]);
-        }
-        // Sums of lags that were not asked for are dropped; what they would read behind the end is not.
-        let whole = moving[lag..]
-            .len()
-            .saturating_sub(LAGS_TOGETHER - 1)
-            .min(length);
-        add_products(
-            fixed.map(|fixed| &fixed[..whole]),
-            &moving[lag..],
-            &mut running,
-        );
-        for ((running, sums), fixed) in running.iter_mut().zip(&mut sums).zip(fixed) {
-            for k in whole..length {
-                for (i, sum) in running[..count].iter_mut().enumerate() {
-                    *sum += fixed[k] * moving[lag + k + i];
-                }
-            }
-            sums[lag..lag + count].copy_from_slice(&running[..count]);
-        }
-        lag += count;
-    }
-}
-
-/// Adds the products of all values of each `fixed` with [`LAGS_TOGETHER`] values of `moving` from the same place
-/// on.
-#[multiversion(targets("x86_64+avx+avx2"))]
-fn add_products<const N: usize>(
-    fixed: [&[f64]; N],
-    moving: &[f64],
-    sums: &mut [[f64; LAGS_TOGETHER]; N],
-) {
-    let mut running = *sums;
-    let length = fixed.first().map_or(0, |fixed| fixed.len());
-    let mut k = 0;
-    while k < length {
-        let window = &moving[k..k + LAGS_TOGETHER];
-        let mut n = 0;
-        while n < N {
-            let x = fixed[n][k];
-            let mut i = 0;
-            while i < LAGS_TOGETHER {
-                running[n][i] += x * window[i];
-                i += 1;
-            }
-            n += 1;
-        }
-        k += 1;
-    }
-    *sums = running;
-}
-
 /// Mean of ((estimate - truth)/sigma)^2: one where the stated deviations hold, more where the
 /// estimator is too sure of itself.
 #[derive(Clone, Copy, Debug, Default)]
@@ -246,11 +210,6 @@ impl SquareStatistics {
     pub fn mean(&self) -> Option<f64> {
         (self.count > 0.0).then(|| self.sum / self.count)
     }
-}
-
-fn pairs<'a>(estimate: &'a [f64], truth: &'a [f64]) -> impl Iterator<Item = (f64, f64)> + 'a {
-    let both = estimate.iter().copied().zip(truth.iter().copied());
-    both.filter(|(e, t)| e.is_finite() && t.is_finite())
 }
 
 #[cfg(test)]
@@ -318,18 +277,5 @@ mod tests {
         }
         assert!((delays.delay().unwrap() - 2.6).abs() < 0.02);
         assert_eq!(all.errors(), errors(&estimate, &truth));
-    }
-
-    #[test]
-    fn products_of_all_lags_are_those_of_one_lag_at_a_time() {
-        let (one, other, moving) = (wave(300, 0.0), wave(300, 9.0), wave(360, 5.0));
-        let [mut sums, mut others] = [[1.0; 37]; 2];
-        correlate([&one, &other], &moving, [&mut sums, &mut others]);
-        for (fixed, sums) in [(one, sums), (other, others)] {
-            for (lag, sum) in sums.iter().enumerate() {
-                let products = fixed.iter().zip(&moving[lag..]).map(|(x, y)| x * y);
-                assert_eq!(*sum, products.fold(1.0, |sum, product| sum + product));
-            }
-        }
     }
 }

@@ -117,6 +117,7 @@ pub fn replay_log<'py>(
             smooth,
             verify,
             truth: output.is_some(),
+            without_records: false,
         },
     };
     let (json, collected) = py.detach(|| job.run())?;

@@ -41,7 +41,7 @@ const SLIP_SPEED_MIN_M_S: f64 = 3.0;
 const INTERVAL_S: f64 = 0.01;
 /// Longest delay that is looked for, intervals.
 const DELAY_MAX: usize = 50;
-/// Instants that are compared together: 82 s. Memory does not grow with the length of a log.
+/// Instants whose delay is found together: 82 s. Memory does not grow with the length of a log.
 const PART_PAIRS: usize = 8192;
 /// Why a log could not be scored.
 #[derive(Debug, thiserror::Error)]
@@ -200,8 +200,14 @@ pub fn score_methods(
     let mut all = Vec::new();
     for (name, estimates) in methods {
         let pairs = paired(&truth, estimates, from_s)?;
+        let frames = forces::known_frames(pairs.iter().map(|(estimate, _)| &**estimate));
         let mut forces = forces::Forces::default();
-        forces.push(&pairs);
+        for part in pairs.chunks(PART_PAIRS) {
+            for tile in part.chunks(TILE_PAIRS) {
+                forces.push(tile, frames.as_ref());
+            }
+            forces.end_part();
+        }
         all.extend(forces.finish(name, &loads));
     }
     Ok(all)

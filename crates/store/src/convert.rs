@@ -373,6 +373,27 @@ pub(crate) struct Envelope<'a> {
     pub publish_time: LogTime,
 }
 
+/// The motion of a message.
+pub(crate) fn motion(data: &[u8]) -> Result<Motion, MessageError> {
+    Ok(match direct::motion(data) {
+        Some(motion) => motion,
+        None => motion_from_proto(&pb::Motion::decode(data)?),
+    })
+}
+
+/// The tyre forces of a message, and their frame.
+pub(crate) fn forces(data: &[u8]) -> Result<(ForceFrame, PerWheel<TyreForce>), MessageError> {
+    Ok(match direct::forces(data) {
+        Some(found) => found,
+        None => forces_from_proto(&pb::TyreForces::decode(data)?),
+    })
+}
+
+/// The rollover of a message.
+pub(crate) fn rollover(data: &[u8]) -> Result<Rollover, MessageError> {
+    Ok(rollover_from_proto(&pb::Rollover::decode(data)?))
+}
+
 /// The record of a message; `None` for schemas that are derived (`foxglove.LocationFix`,
 /// `foxglove.SceneUpdate`), raw or
 /// foreign.
@@ -392,16 +413,10 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         "atvrec.Motion" => Record::Motion {
             time,
             stage,
-            motion: Box::new(match direct::motion(data) {
-                Some(motion) => motion,
-                None => motion_from_proto(&pb::Motion::decode(data)?),
-            }),
+            motion: Box::new(motion(data)?),
         },
         "atvrec.TyreForces" => {
-            let (frame, forces) = match direct::forces(data) {
-                Some(found) => found,
-                None => forces_from_proto(&pb::TyreForces::decode(data)?),
-            };
+            let (frame, forces) = forces(data)?;
             Record::TyreForces {
                 time,
                 stage,
@@ -411,11 +426,14 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         }
         "atvrec.Rollover" => Record::Rollover {
             time,
-            rollover: rollover_from_proto(&pb::Rollover::decode(data)?),
+            rollover: rollover(data)?,
         },
         "atvrec.Road" => Record::Road {
             stage,
-            road: Box::new(road_from_proto(time, &pb::Road::decode(data)?)),
+            road: Box::new(match direct::road(time, data) {
+                Some(road) => road,
+                None => road_from_proto(time, &pb::Road::decode(data)?),
+            }),
         },
         "atvrec.Friction" => {
             let friction = pb::Friction::decode(data)?;
@@ -424,7 +442,10 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         }
         "atvrec.Ground" => Record::Ground {
             time,
-            ground: Box::new(ground_from_proto(pb::Ground::decode(data)?)),
+            ground: Box::new(match direct::ground(data) {
+                Some(ground) => ground,
+                None => ground_from_proto(pb::Ground::decode(data)?),
+            }),
         },
         "atvrec.Pose" => {
             let pose = pb::Pose::decode(data)?;

@@ -1,16 +1,19 @@
-//! The threads of the recorder: one compresses and writes, one syncs.
+//! The recorder of a run, in three layers: this file and [`queue`] take arrivals and records in a queue and
+//! empty it on a thread; [`files`] has the open file, rotation, journal and sync; [`LogWriter`] and its
+//! channels make the bytes of a log.
+//!
+//! [`LogWriter`]: crate::LogWriter
 
 #![allow(
     clippy::disallowed_types,
     reason = "the recorder's threads time the disk: when to sync, when to try again; they stamp nothing"
 )]
 
+mod files;
 mod losses_file;
-mod open_file;
+mod queue;
 mod shared;
 mod stop;
-mod sync;
-mod worker;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -21,10 +24,10 @@ use std::time::{Duration, Instant};
 use sample::Arrival;
 
 use crate::{Error, Finished, LossLedger, Losses, Options, Record, Result, Session};
+use files::Files;
 pub(crate) use losses_file::read as read_losses;
 pub(crate) use shared::Shared;
 use shared::Tally;
-use worker::Worker;
 
 /// Writes a run of log files on threads of its own. Its methods for arrivals and records never block:
 /// data for which there is no room is counted as lost.
@@ -34,7 +37,7 @@ use worker::Worker;
 pub struct Recorder {
     commands: SyncSender<Command>,
     shared: Arc<Shared>,
-    /// Receives the summary when the worker has ended; `None` after that.
+    /// Receives the summary when the thread has ended; `None` after that.
     ended: Option<Mutex<Receiver<RecorderSummary>>>,
     session: Session,
     options: Options,
@@ -157,7 +160,7 @@ impl Recorder {
     ) -> Result<Self> {
         let (commands, queue) = sync_channel(options.queue_capacity);
         let shared = Arc::new(Shared::new(&options, ledger.account()));
-        let worker = Worker::open(
+        let files = Files::open(
             directory,
             stem,
             session.clone(),
@@ -165,11 +168,12 @@ impl Recorder {
             Arc::clone(&shared),
         )?;
         let (end, ended) = sync_channel(1);
+        let of_thread = Arc::clone(&shared);
         std::thread::Builder::new()
             .name("store-write".to_owned())
             .spawn(move || {
                 // The receiver may have stopped waiting.
-                let _ = end.send(worker.run(&queue));
+                let _ = end.send(queue::run(files, &queue, &of_thread));
             })
             .map_err(Error::file("start a thread for", directory))?;
         Ok(Self {
@@ -242,7 +246,7 @@ impl Recorder {
 
     /// Continues in a new file, without a gap.
     pub fn rotate(&self) {
-        // If the queue is full, the worker reads the flag later.
+        // If the queue is full, the thread reads the flag later.
         self.shared.rotate.store(true, Ordering::Relaxed);
         let _ = self.commands.try_send(Command::Rotate);
     }

@@ -100,6 +100,18 @@ impl<R: Read + Seek> Scanner<R> {
     /// Reads `length` bytes at `offset`, fewer at the end of the file. The allocation is bounded by
     /// the file's length; the caller bounds it further.
     pub(crate) fn read_at(&mut self, offset: u64, length: u64) -> std::io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.read_into(offset, length, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// As [`Self::read_at`], in place of what `bytes` contains.
+    pub(crate) fn read_into(
+        &mut self,
+        offset: u64,
+        length: u64,
+        bytes: &mut Vec<u8>,
+    ) -> std::io::Result<()> {
         if self
             .stop
             .as_ref()
@@ -112,10 +124,11 @@ impl<R: Read + Seek> Scanner<R> {
         self.file.seek_relative(distance)?;
         self.position = offset;
         let available = length.min(self.length.saturating_sub(offset));
-        let mut bytes = Vec::with_capacity(available as usize);
-        self.file.by_ref().take(available).read_to_end(&mut bytes)?;
+        bytes.clear();
+        bytes.reserve_exact(available as usize);
+        self.file.by_ref().take(available).read_to_end(bytes)?;
         self.position += bytes.len() as u64;
-        Ok(bytes)
+        Ok(())
     }
 
     /// Opcode and length of the record at `offset`; `None` if fewer bytes are there.

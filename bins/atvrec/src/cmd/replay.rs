@@ -34,6 +34,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
         smooth: args.smooth,
         verify: args.verify,
         truth: output.is_some(),
+        without_records: output.is_none(),
     };
     let replay = Replay::new(&reader, &config, options)?;
     let mut log = output

@@ -135,8 +135,8 @@ impl Comparison {
 
     /// Compares the messages of the arrival at `now`. A log usually contains the messages in the order
     /// in which they are computed: a message that is identical to the next one needs no search.
-    pub(super) fn expect(&mut self, messages: Vec<Encoded>, now: LogTime) -> Result<()> {
-        let mut computed = messages.into_iter().peekable();
+    pub(super) fn expect(&mut self, messages: &mut Vec<Encoded>, now: LogTime) -> Result<()> {
+        let mut computed = messages.drain(..).peekable();
         loop {
             while computed.next_if(|message| !self.takes(message)).is_some() {}
             let Some(next) = self.recorded.next_ref_if(|time| time <= now) else {
@@ -272,19 +272,24 @@ impl Comparison {
         same
     }
 
-    /// Settles the messages that have waited since before `before`: they have no counterpart.
+    /// Settles the messages that have waited since before `before`: they have no counterpart. Differences are
+    /// reported in the order of their times.
     fn settle(&mut self, before: LogTime) {
-        let (found, report) = (&self.found, &mut self.report);
+        let mut due = Vec::new();
         for (topic, instants) in &mut self.waiting {
             instants.retain(|time, waiting| {
-                if waiting.since >= before {
-                    return true;
+                let is_due = waiting.since < before;
+                if is_due {
+                    due.push((*time, Arc::clone(topic), std::mem::take(waiting)));
                 }
-                let twice = |m: &Message| found.contains(&hash_of(topic, *time, &m.data));
-                waiting.recorded.retain(|message| !twice(message));
-                report.settle(topic, *time, std::mem::take(waiting));
-                false
+                !is_due
             });
+        }
+        due.sort_by(|(a, one, _), (b, other, _)| (a, one).cmp(&(b, other)));
+        for (time, topic, mut waiting) in due {
+            let twice = |m: &Message| self.found.contains(&hash_of(&topic, time, &m.data));
+            waiting.recorded.retain(|message| !twice(message));
+            self.report.settle(&topic, time, waiting);
         }
         while self.found_at.front().is_some_and(|(at, _)| *at < before) {
             if let Some((_, hash)) = self.found_at.pop_front() {

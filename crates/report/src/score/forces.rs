@@ -1,12 +1,12 @@
 //! Errors of the tyre forces and of their standard deviations, by frame.
 
 use estimator::consistency::{Consistency, ConsistencyStatistics, WINDOW_STEPS};
-use estimator::score::{Distribution, ErrorStatistics, SquareStatistics};
+use estimator::score::{Distribution, RelativeErrorStatistics, SquareStatistics};
 use sample::{Estimate, ForceFrame, PerWheel, Wheel};
 use serde_json::{Value, json};
 
 use super::two_way::TwoWay;
-use super::{PART_PAIRS, Pair, Pairs, TILE_PAIRS};
+use super::{PART_PAIRS, Pair, TILE_PAIRS};
 
 /// Least peak of a moment by which its error is divided, N m.
 pub(super) const MOMENT_FLOOR_N_M: f64 = 50.0;
@@ -44,19 +44,20 @@ pub struct LowPassedScore {
     pub forces: Vec<ForceScore>,
 }
 
+/// Frames in which an output is compared: of the truth, and of the estimate.
+pub(super) type Frames = [[ForceFrame; 2]; 2];
+
 /// The frames in which an output is compared: of the truth, and of the estimate. The first is the one
 /// that the output is given in: the wheel-carrier frame, or the contact frame in logs of earlier
 /// versions. Its estimate is compared with the truth of the other frame, too, unless it is given in
 /// both.
-pub(super) fn frames<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> [[ForceFrame; 2]; 2] {
+pub(super) fn frames<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> Frames {
     use ForceFrame::{Contact, WheelCarrier};
     known_frames(estimates).unwrap_or([[Contact, Contact], [WheelCarrier, Contact]])
 }
 
 /// The same; `None` where the estimates have no force.
-pub(super) fn known_frames<'a>(
-    estimates: impl Iterator<Item = &'a Estimate>,
-) -> Option<[[ForceFrame; 2]; 2]> {
+pub(super) fn known_frames<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> Option<Frames> {
     use ForceFrame::{Contact, WheelCarrier};
     let mut is_given = [false; 2];
     for estimate in estimates {
@@ -78,17 +79,18 @@ pub(super) fn known_frames<'a>(
 pub(super) struct Forces(Option<[InFrame; 2]>);
 
 impl Forces {
-    /// Takes the next part.
-    pub fn push(&mut self, pairs: &Pairs) {
+    /// Takes the next instants, at most [`TILE_PAIRS`]; `frames` as [`known_frames`] gives them.
+    pub fn push(&mut self, tile: &[Pair], frames: Option<&Frames>) {
         if self.0.is_none() {
-            let frames = known_frames(pairs.iter().map(|(estimate, _)| &**estimate));
             self.0 = frames.map(|frames| frames.map(InFrame::new));
         }
-        for tile in pairs.chunks(TILE_PAIRS) {
-            for frame in self.0.iter_mut().flatten() {
-                frame.push(tile);
-            }
+        for frame in self.0.iter_mut().flatten() {
+            frame.push(tile);
         }
+    }
+
+    /// Ends a part, of at most some thousands of instants.
+    pub fn end_part(&mut self) {
         for frame in self.0.iter_mut().flatten() {
             frame.end_part();
         }
@@ -107,13 +109,13 @@ impl Forces {
 struct InFrame {
     truth: ForceFrame,
     estimate: ForceFrame,
-    errors: [[ErrorStatistics; 4]; 3],
-    moments: [[ErrorStatistics; 4]; 2],
+    errors: [[RelativeErrorStatistics; 4]; 3],
+    moments: [[RelativeErrorStatistics; 4]; 2],
     squares: [SquareStatistics; 3],
     distributions: [Distribution; 3],
     windows: ConsistencyStatistics,
     /// Normalised errors of the part: of F_x of the four wheels, of F_y and of F_z.
-    normalised: Vec<[f64; 12]>,
+    normalised: [Vec<f64>; 12],
 }
 
 impl InFrame {
@@ -126,23 +128,22 @@ impl InFrame {
             squares: Default::default(),
             distributions: [(); 3].map(|()| Distribution::exact_up_to(4 * PART_PAIRS)),
             windows: ConsistencyStatistics::new(12, WINDOW_STEPS),
-            normalised: Vec::new(),
+            normalised: Default::default(),
         }
     }
 
     /// Takes the next instants.
     fn push(&mut self, tile: &[Pair]) {
         let [mut estimates, mut truths] = [[0.0; TILE_PAIRS]; 2];
-        let (before, count) = (self.normalised.len(), tile.len());
-        self.normalised.resize(before + count, [0.0; 12]);
+        let count = tile.len();
         for axis in 0..3 {
             for wheel in Wheel::ALL {
+                let normalised = &mut self.normalised[4 * axis + wheel.index()];
                 for (place, (estimate, truth)) in tile.iter().enumerate() {
                     let own = &estimate.forces(self.estimate)[wheel];
                     estimates[place] = own.force_n[axis];
                     truths[place] = truth.forces(self.truth)[wheel].force_n[axis];
-                    self.normalised[before + place][4 * axis + wheel.index()] =
-                        (estimates[place] - truths[place]) / own.sigma_n[axis];
+                    normalised.push((estimates[place] - truths[place]) / own.sigma_n[axis]);
                 }
                 self.errors[axis][wheel.index()].push(&estimates[..count], &truths[..count]);
             }
@@ -160,20 +161,23 @@ impl InFrame {
 
     /// Takes the normalised errors of the part.
     fn end_part(&mut self) {
-        for signal in 0..12 {
-            let all = self.normalised.iter().map(|step| step[signal]);
-            for z in all.filter(|z| (z * z).is_finite()) {
-                self.squares[signal / 4].push(z);
-                self.distributions[signal / 4].push(z * z);
+        for (signal, normalised) in self.normalised.iter().enumerate() {
+            let axis = signal / 4;
+            let (squares, distribution) = (&mut self.squares[axis], &mut self.distributions[axis]);
+            for z in normalised.iter().filter(|z| (*z * *z).is_finite()) {
+                squares.push(*z);
+                distribution.push(z * z);
             }
         }
-        for step in self.normalised.drain(..) {
-            self.windows.push(&step);
+        for k in 0..self.normalised[0].len() {
+            self.windows
+                .push(&self.normalised.each_ref().map(|all| all[k]));
         }
+        self.normalised.iter_mut().for_each(Vec::clear);
     }
 
     fn finish(self, output: &'static str, loads: &PerWheel<f64>) -> Option<ForceScore> {
-        let worst = |wheels: &[ErrorStatistics; 4], floor: &dyn Fn(Wheel) -> f64| {
+        let worst = |wheels: &[RelativeErrorStatistics; 4], floor: &dyn Fn(Wheel) -> f64| {
             let percent = |wheel: Wheel| wheels[wheel.index()].normalised_percent(floor(wheel));
             Wheel::ALL.into_iter().map(percent).fold(None, larger)
         };
@@ -210,7 +214,7 @@ pub(super) struct LowPassed {
 struct LowPassedInFrame {
     truth: ForceFrame,
     estimate: ForceFrame,
-    forces: [[(TwoWay, ErrorStatistics); 4]; 3],
+    forces: [[(TwoWay, RelativeErrorStatistics); 4]; 3],
 }
 
 impl LowPassed {
@@ -219,10 +223,14 @@ impl LowPassed {
     }
 
     /// Takes the next part.
-    pub fn push(&mut self, pairs: &Pairs) {
+    pub fn push(&mut self, pairs: &[Pair], frames: Option<&Frames>) {
         if self.frames.is_none() {
-            let force = || (TwoWay::low_pass(self.hz), ErrorStatistics::default());
-            let frames = known_frames(pairs.iter().map(|(estimate, _)| &**estimate));
+            let force = || {
+                (
+                    TwoWay::low_pass(self.hz),
+                    RelativeErrorStatistics::default(),
+                )
+            };
             self.frames = frames.map(|frames| {
                 frames.map(|[truth, estimate]| LowPassedInFrame {
                     truth,

@@ -1,5 +1,7 @@
 //! Whether innovations are as large as the filters expect, second by second. No truth is needed.
 
+use std::collections::BTreeMap;
+
 use estimator::consistency::chi_squared_bounds;
 use estimator::score::Distribution;
 use sample::{InnovationKind, Innovations, LogTime, Parameters};
@@ -85,12 +87,16 @@ fn judge(
     let (mut count, mut rejected, mut sum) = (0, 0, 0.0);
     let (mut inside, mut above) = (0_usize, 0_usize);
     let mut means = Distribution::default();
+    // Few numbers of measurements in a second occur, and the bounds take long.
+    let mut bounds = BTreeMap::new();
     for found in reports {
         rejected += u64::from(found.rejected);
         if found.count == 0 {
             continue;
         }
-        let [low, high] = chi_squared_bounds(f64::from(found.count));
+        let [low, high] = *bounds
+            .entry(found.count)
+            .or_insert_with(|| chi_squared_bounds(f64::from(found.count)));
         means.push(found.mean_square);
         inside += usize::from((low..=high).contains(&found.mean_square));
         above += usize::from(found.mean_square > high);

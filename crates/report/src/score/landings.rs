@@ -4,7 +4,7 @@ use sample::{Estimate, ForceFrame, LogTime, PerWheel, Wheel};
 use serde_json::{Value, json};
 
 use super::flights::Flights;
-use super::{Pairs, contact_load_n};
+use super::{Pair, contact_load_n};
 
 /// Time after a landing in which the peak is looked for, s.
 const PEAK_S: f64 = 0.3;
@@ -76,7 +76,7 @@ impl WheelLandings {
 impl Landings {
     /// Takes the next part. The loads are in the wheel-carrier frame, or in the contact frame if the log
     /// has no others.
-    pub fn push(&mut self, pairs: &Pairs, static_n: &PerWheel<f64>) {
+    pub fn push(&mut self, pairs: &[Pair], static_n: &PerWheel<f64>) {
         for (estimate, truth) in pairs {
             let start = *self.start.get_or_insert(truth.time);
             let frame = *self.frame.get_or_insert_with(|| frame_of(estimate, truth));

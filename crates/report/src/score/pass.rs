@@ -7,7 +7,7 @@ use model::vehicle::Vehicle;
 use sample::{Estimate, Event, LogTime, PerWheel};
 use store::{EstimateJoiner, Reader, Record, Selection, Stage};
 
-use super::forces::{ForceScore, Forces, LowPassed};
+use super::forces::{ForceScore, Forces, Frames, LowPassed, known_frames};
 use super::innovations::{self, Judged};
 use super::landings::Landings;
 use super::lifts::Courses;
@@ -16,11 +16,13 @@ use super::signals::Signals;
 use super::surfaces::Surfaces;
 use super::{
     INTERVAL_S, LowPassedScore, PART_PAIRS, Pairs, SETTLING_S, Score, ScoreError, ScoreOptions,
-    channels, counts, static_loads,
+    TILE_PAIRS, channels, counts, static_loads,
 };
 
 /// Instants that wait for their counterpart at most: 41 s at 100 Hz.
 pub(super) const WAITING_MAX: usize = 4096;
+/// Instants from which the frames of the forces are found: 10 s. The filters settle in less time.
+const HEAD_PAIRS: usize = 1024;
 
 /// What was read so far.
 pub(super) struct Pass<'a> {
@@ -47,7 +49,12 @@ pub(super) struct Pass<'a> {
 struct Output {
     /// Estimates whose truth was not read yet.
     waiting: VecDeque<Box<Estimate>>,
+    /// Pairs that were not compared yet.
     pairs: Pairs,
+    /// Number of pairs of the present part that were compared.
+    part: usize,
+    /// The compared frames, after a force was known.
+    frames: Option<Frames>,
     forces: Forces,
     low_passed: Option<LowPassed>,
     landings: Landings,
@@ -58,6 +65,8 @@ impl Output {
         Self {
             waiting: VecDeque::new(),
             pairs: Vec::new(),
+            part: 0,
+            frames: None,
             forces: Forces::default(),
             low_passed: low_pass_hz.map(LowPassed::new),
             landings: Landings::default(),
@@ -115,12 +124,13 @@ impl<'a> Pass<'a> {
         let mut joiners = [Stage::Truth, self.stage, Stage::Lagged].map(EstimateJoiner::new);
         let mut count = 0_u32;
         while let Some(message) = messages.next_ref() {
-            if let Some(record) = message?.record()? {
-                for (of, joiner) in joiners.iter_mut().enumerate() {
-                    if let Some(done) = joiner.push(&record) {
-                        self.add(of, done);
-                    }
+            let message = message?;
+            let owner = joiners.iter().position(|joiner| joiner.owns(&message));
+            if let Some(of) = owner {
+                if let Some(done) = joiners[of].push(&message)? {
+                    self.add(of, done);
                 }
+            } else if let Some(record) = message.record()? {
                 self.take(record);
             }
             count += 1;
@@ -164,7 +174,13 @@ impl<'a> Pass<'a> {
         let from = start.offset_seconds(self.from_s);
         for output in 0..self.outputs.len() {
             self.outputs[output].pair(&self.truth, from);
-            if self.outputs[output].pairs.len() >= PART_PAIRS {
+            // A few pairs at a time, which are still in the processor's cache.
+            let due = match self.outputs[output].frames {
+                Some(_) => TILE_PAIRS,
+                None => HEAD_PAIRS,
+            };
+            let (part, count) = (self.outputs[output].part, self.outputs[output].pairs.len());
+            if count >= due || part + count >= PART_PAIRS {
                 self.compare(output);
             }
         }
@@ -173,16 +189,35 @@ impl<'a> Pass<'a> {
     /// Compares the pairs of an output.
     fn compare(&mut self, output: usize) {
         let of = &mut self.outputs[output];
-        of.forces.push(&of.pairs);
-        of.landings.push(&of.pairs, &self.loads);
-        if let Some(low_passed) = &mut of.low_passed {
-            low_passed.push(&of.pairs);
+        let estimates = || of.pairs.iter().map(|(estimate, _)| &**estimate);
+        of.frames = of.frames.or_else(|| known_frames(estimates()));
+        let frames = of.frames.as_ref();
+        for tile in of.pairs.chunks(TILE_PAIRS) {
+            of.forces.push(tile, frames);
+            of.landings.push(tile, &self.loads);
+            if let Some(low_passed) = &mut of.low_passed {
+                low_passed.push(tile, frames);
+            }
+            if output == 0 {
+                self.count += tile.len();
+                self.signals.push(tile, frames);
+            }
         }
-        if output == 0 {
-            self.count += of.pairs.len();
-            self.signals.push(&of.pairs);
-        }
+        of.part += of.pairs.len();
         of.pairs.clear();
+        if of.part >= PART_PAIRS {
+            self.end_part(output);
+        }
+    }
+
+    /// Ends the part of an output.
+    fn end_part(&mut self, output: usize) {
+        let of = &mut self.outputs[output];
+        of.part = 0;
+        of.forces.end_part();
+        if output == 0 {
+            self.signals.end_part();
+        }
     }
 
     fn take(&mut self, record: Record) {
@@ -204,6 +239,7 @@ impl<'a> Pass<'a> {
             // What waits has no truth: the last truth was read.
             self.outputs[output].pair(&self.truth, start.offset_seconds(self.from_s));
             self.compare(output);
+            self.end_part(output);
         }
         if self.count == 0 {
             return Err(ScoreError::NoPair("truth"));

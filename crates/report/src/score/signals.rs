@@ -2,26 +2,20 @@
 
 use estimator::consistency::{ConsistencyStatistics, WINDOW_STEPS};
 use estimator::score::{DelayStatistics, ErrorStatistics, Errors, SquareStatistics};
-use sample::{ForceFrame, PerWheel};
+use sample::PerWheel;
 
-use super::{
-    DELAY_MAX, INTERVAL_S, Pair, Pairs, Signal, SignalScore, TILE_PAIRS, each_plain, each_signal,
-    forces,
-};
+use super::forces::{self, Frames};
+use super::{DELAY_MAX, INTERVAL_S, Pair, Signal, SignalScore, each_plain, each_signal};
 
 /// Errors of all signals so far.
 #[derive(Default)]
-pub(super) struct Signals {
-    all: Vec<Statistics>,
-    /// The compared frames, from the first part on in which a force is known.
-    frames: Option<[[ForceFrame; 2]; 2]>,
-}
+pub(super) struct Signals(Vec<Statistics>);
 
 struct Statistics {
     /// The score without its numbers.
     score: SignalScore,
-    /// Values of the part: estimates and truths.
-    part: [Vec<f64>; 2],
+    /// Of the part: estimates, truths, and errors divided by their standard deviations.
+    part: [Vec<f64>; 3],
     errors: ErrorStatistics,
     delay: DelayStatistics,
     squares: SquareStatistics,
@@ -29,31 +23,31 @@ struct Statistics {
 }
 
 impl Signals {
-    /// Takes the next part.
-    pub fn push(&mut self, pairs: &Pairs) {
-        let estimates = pairs.iter().map(|(estimate, _)| &**estimate);
-        self.frames = self.frames.or_else(|| forces::known_frames(estimates));
-        let all = &mut self.all;
-        for tile in pairs.chunks(TILE_PAIRS) {
-            let mut place = 0;
-            let add = |signal: Signal<'_>| {
-                if place == all.len() {
-                    all.push(Statistics::new(&signal));
-                }
-                all[place].push(&signal, tile);
-                place += 1;
-            };
-            match &self.frames {
-                Some(frames) => each_signal(frames, add),
-                None => each_plain(add),
+    /// Takes the next instants; `frames` as [`forces::known_frames`] gives them.
+    pub fn push(&mut self, tile: &[Pair], frames: Option<&Frames>) {
+        let all = &mut self.0;
+        let mut place = 0;
+        let add = |signal: Signal<'_>| {
+            if place == all.len() {
+                all.push(Statistics::new(&signal));
             }
+            all[place].push(&signal, tile);
+            place += 1;
+        };
+        match frames {
+            Some(frames) => each_signal(frames, add),
+            None => each_plain(add),
         }
-        all.iter_mut().for_each(Statistics::end_part);
+    }
+
+    /// Ends a part, of at most some minutes.
+    pub fn end_part(&mut self) {
+        self.0.iter_mut().for_each(Statistics::end_part);
     }
 
     /// The scores of the signals that both sides know.
     pub fn finish(self, loads: &PerWheel<f64>) -> Vec<SignalScore> {
-        let all = self.all.into_iter();
+        let all = self.0.into_iter();
         all.filter_map(|signal| signal.finish(loads)).collect()
     }
 }
@@ -81,23 +75,28 @@ impl Statistics {
     }
 
     fn push(&mut self, signal: &Signal<'_>, tile: &[Pair]) {
-        let [values, truths] = &mut self.part;
-        let before = values.len();
+        let [values, truths, normalised] = &mut self.part;
         for (estimate, truth) in tile {
             let (value, sigma) = (signal.estimate)(estimate);
             let (truth, _) = (signal.truth)(truth);
             values.push(value);
             truths.push(truth);
-            let normalised = (value - truth) / sigma;
-            self.squares.push(normalised);
-            self.windows.push(&[normalised]);
+            normalised.push((value - truth) / sigma);
         }
-        self.errors.push(&values[before..], &truths[before..]);
     }
 
     fn end_part(&mut self) {
-        let [values, truths] = &mut self.part;
+        let [values, truths, normalised] = &mut self.part;
+        self.errors.push(values, truths);
         self.delay.push(values, truths);
+        // Most signals have no standard deviation.
+        if normalised.iter().any(|z| z.is_finite()) {
+            for z in normalised.iter() {
+                self.squares.push(*z);
+                self.windows.push(&[*z]);
+            }
+        }
+        normalised.clear();
         values.clear();
         truths.clear();
     }

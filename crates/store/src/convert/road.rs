@@ -55,15 +55,9 @@ fn roughness_to_proto(roughness: &RoadRoughness) -> pb::RoadRoughness {
 }
 
 pub(super) fn road_from_proto(time: LogTime, road: &pb::Road) -> Road {
-    let unknown = match pb::RoadUnknown::try_from(road.unknown).unwrap_or_default() {
-        pb::RoadUnknown::Nothing => None,
-        pb::RoadUnknown::Settling => Some(RoadUnknown::Settling),
-        pb::RoadUnknown::Slow => Some(RoadUnknown::Slow),
-        pb::RoadUnknown::NoDeflection => Some(RoadUnknown::NoDeflection),
-    };
     Road {
         time,
-        unknown,
+        unknown: road_unknown(road.unknown),
         height_m: per_wheel(&road.wheels, f64::NAN, |w| w.height_m),
         height_sigma_m: per_wheel(&road.wheels, f64::NAN, |w| w.height_sigma_m),
         plane: RoadPlane {
@@ -81,5 +75,15 @@ pub(super) fn road_from_proto(time: LogTime, road: &pb::Road) -> Road {
             distance_m: found.distance_m,
         }),
         iri_m_km: [road.iri_left_m_km, road.iri_right_m_km].map(nan),
+    }
+}
+
+/// Why a road has no values.
+pub(super) fn road_unknown(number: i32) -> Option<RoadUnknown> {
+    match pb::RoadUnknown::try_from(number).unwrap_or_default() {
+        pb::RoadUnknown::Nothing => None,
+        pb::RoadUnknown::Settling => Some(RoadUnknown::Settling),
+        pb::RoadUnknown::Slow => Some(RoadUnknown::Slow),
+        pb::RoadUnknown::NoDeflection => Some(RoadUnknown::NoDeflection),
     }
 }

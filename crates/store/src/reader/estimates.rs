@@ -2,8 +2,31 @@
 
 use sample::{Estimate, ForceFrame};
 
-use super::{MessageIter, unknown_estimate};
-use crate::{Record, Result, Stage};
+use super::messages::bad_message;
+use super::{ChannelInfo, MessageIter, MessageRef, unknown_estimate};
+use crate::{Result, Stage, convert};
+
+/// What a message tells of an estimate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    Motion,
+    Forces,
+    Rollover,
+}
+
+/// What the messages of a channel tell of the estimates of a stage.
+pub(super) fn part(channel: &ChannelInfo) -> Option<(Part, Stage)> {
+    let part = match channel.schema.as_str() {
+        "atvrec.Motion" => Part::Motion,
+        "atvrec.TyreForces" => Part::Forces,
+        "atvrec.Rollover" => Part::Rollover,
+        _ => return None,
+    };
+    Some((
+        part,
+        Stage::from_topic(&channel.topic).unwrap_or(Stage::Estimate),
+    ))
+}
 
 /// Puts the estimates of a stage together from their parts, which are adjacent in the log.
 #[derive(Clone, Debug)]
@@ -20,38 +43,47 @@ impl EstimateJoiner {
         Self { stage, open: None }
     }
 
-    /// Takes a record, and returns the estimate before it if the record is of another instant. Records
-    /// of other stages are left out.
-    pub fn push(&mut self, record: &Record) -> Option<Box<Estimate>> {
-        let is_own = |stage: Stage| {
-            stage == self.stage || (self.stage == Stage::Estimate && stage == Stage::Model)
+    /// Whether a message is a part of the estimates of the stage.
+    #[must_use]
+    pub fn owns(&self, message: &MessageRef<'_>) -> bool {
+        match message.part {
+            Some((Part::Motion, stage)) => stage == self.stage,
+            Some((Part::Forces, Stage::Model) | (Part::Rollover, _)) => {
+                self.stage == Stage::Estimate
+            }
+            Some((Part::Forces, stage)) => stage == self.stage,
+            None => false,
+        }
+    }
+
+    /// Takes a message, and returns the estimate before it if the message is of another instant. Messages
+    /// that the joiner does not own are left out.
+    ///
+    /// # Errors
+    /// If the message does not follow its schema.
+    pub fn push(&mut self, message: &MessageRef<'_>) -> Result<Option<Box<Estimate>>> {
+        let Some((part, stage)) = message.part.filter(|_| self.owns(message)) else {
+            return Ok(None);
         };
-        let time = match record {
-            Record::Motion { time, stage, .. } if *stage == self.stage => *time,
-            Record::TyreForces { time, stage, .. } if is_own(*stage) => *time,
-            Record::Rollover { time, .. } if self.stage == Stage::Estimate => *time,
-            _ => return None,
-        };
+        let time = message.log_time;
         let done = self.open.take_if(|open| open.time != time);
         let estimate = self
             .open
             .get_or_insert_with(|| Box::new(unknown_estimate(time)));
-        match record {
-            Record::Motion { motion, .. } => estimate.motion = **motion,
-            Record::Rollover { rollover, .. } => estimate.rollover = *rollover,
-            Record::TyreForces {
-                forces,
-                frame,
-                stage: of,
-                ..
-            } => match frame {
-                _ if *of != self.stage => estimate.expected = **forces,
-                ForceFrame::Contact => estimate.measured = **forces,
-                ForceFrame::WheelCarrier => estimate.carrier = **forces,
-            },
-            _ => {}
+        let bad = |cause| bad_message(*message)(cause);
+        match part {
+            Part::Motion => estimate.motion = convert::motion(message.data).map_err(bad)?,
+            Part::Rollover => estimate.rollover = convert::rollover(message.data).map_err(bad)?,
+            Part::Forces => {
+                let (frame, forces) = convert::forces(message.data).map_err(bad)?;
+                match frame {
+                    _ if stage != self.stage => estimate.expected = forces,
+                    ForceFrame::Contact => estimate.measured = forces,
+                    ForceFrame::WheelCarrier => estimate.carrier = forces,
+                }
+            }
         }
-        done
+        Ok(done)
     }
 
     /// The last estimate.
@@ -63,10 +95,9 @@ impl EstimateJoiner {
 
 /// Joins the parts of each instant.
 pub(super) fn joined(
-    messages: MessageIter,
+    mut messages: MessageIter,
     stage: Stage,
 ) -> impl Iterator<Item = Result<Estimate>> {
-    let mut messages = messages.fuse();
     // The model is joined with the estimates.
     let stage = match stage {
         Stage::Model => Stage::Estimate,
@@ -75,17 +106,15 @@ pub(super) fn joined(
     let mut joiner = Some(EstimateJoiner::new(stage));
     std::iter::from_fn(move || {
         loop {
-            let Some(message) = messages.next() else {
+            let Some(message) = messages.next_ref() else {
                 return joiner.take()?.finish().map(|last| Ok(*last));
             };
-            match message.and_then(|message| message.record()) {
+            match message
+                .and_then(|message| joiner.as_mut().map_or(Ok(None), |of| of.push(&message)))
+            {
                 Err(error) => return Some(Err(error)),
                 Ok(None) => {}
-                Ok(Some(record)) => {
-                    if let Some(done) = joiner.as_mut()?.push(&record) {
-                        return Some(Ok(*done));
-                    }
-                }
+                Ok(Some(done)) => return Some(Ok(*done)),
             }
         }
     })

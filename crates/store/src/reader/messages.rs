@@ -8,10 +8,11 @@ use std::sync::Arc;
 use mcap::records::{MessageHeader, op};
 use sample::{LogTime, Measurement, Sample, Signal, SignalFrame, SourceId};
 
+use super::estimates::{self, Part};
 use super::{ChannelInfo, LogFile, Missing};
 use crate::convert::{self, Envelope};
 use crate::scan::{self, Decompressor, Refusal, Scanner};
-use crate::{CAN_ID, Error, Record, Result, dynamic, earlier};
+use crate::{CAN_ID, Error, Record, Result, Stage, dynamic, earlier};
 
 /// Which messages to read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -98,6 +99,8 @@ pub struct MessageRef<'a> {
     pub data: &'a [u8],
     /// Position of its file among those of the reader, and number of its channel in the file.
     pub(crate) place: (usize, u16),
+    /// What it tells of an estimate.
+    pub(crate) part: Option<(Part, Stage)>,
 }
 
 impl MessageRef<'_> {
@@ -123,7 +126,7 @@ impl MessageRef<'_> {
 }
 
 impl Message {
-    pub(super) const fn by_ref(&self) -> MessageRef<'_> {
+    pub(super) fn by_ref(&self) -> MessageRef<'_> {
         MessageRef {
             channel: &self.channel,
             sequence: self.sequence,
@@ -131,6 +134,7 @@ impl Message {
             publish_time: self.publish_time,
             data: self.data.as_slice(),
             place: (0, 0),
+            part: estimates::part(&self.channel),
         }
     }
 }
@@ -145,6 +149,8 @@ pub struct MessageIter {
     open: Option<OpenFile>,
     missing: Vec<Missing>,
     decompressor: Decompressor,
+    /// Memory for the compressed bytes of a chunk.
+    body: Vec<u8>,
     /// A message of an earlier layout in the present one.
     converted: Vec<u8>,
     /// Part of the bytes of all files that is done.
@@ -156,12 +162,15 @@ struct OpenFile {
     scanner: Scanner<File>,
     wanted: BTreeSet<u16>,
     /// The wanted channels by number.
-    channels: Vec<Option<Arc<ChannelInfo>>>,
+    channels: Vec<Option<Wanted>>,
     next_part: usize,
     /// Records of the part that is being read, and the number of bytes that are done.
     records: Vec<u8>,
     done: usize,
 }
+
+/// A wanted channel, and what its messages tell of an estimate.
+type Wanted = (Arc<ChannelInfo>, Option<(Part, Stage)>);
 
 /// Where the contents of a message are.
 struct Located {
@@ -181,6 +190,7 @@ impl MessageIter {
             open: None,
             missing: Vec::new(),
             decompressor: Decompressor::default(),
+            body: Vec::new(),
             converted: Vec::new(),
             bytes_done: 0,
         }
@@ -231,7 +241,7 @@ impl MessageIter {
             open.done = start;
             return None;
         }
-        let channel = open
+        let (channel, part) = open
             .channels
             .get(usize::from(header.channel_id))?
             .as_ref()?;
@@ -242,6 +252,7 @@ impl MessageIter {
             publish_time: LogTime(header.publish_time),
             data: data.map_or(&self.converted, |range| &open.records[range]),
             place: (self.opened - 1, header.channel_id),
+            part: *part,
         }))
     }
 
@@ -260,7 +271,7 @@ impl MessageIter {
             for (id, channel) in selected {
                 wanted.insert(*id);
                 channels.resize(usize::from(*id) + 1, None);
-                channels[usize::from(*id)] = Some(Arc::clone(channel));
+                channels[usize::from(*id)] = Some((Arc::clone(channel), estimates::part(channel)));
             }
             self.open = Some(OpenFile {
                 scanner: Scanner::open(&file.path)?,
@@ -286,7 +297,8 @@ impl MessageIter {
             .is_none_or(|channels| channels.iter().any(|id| open.wanted.contains(id)));
         if in_time && has_wanted {
             let (offset, bytes) = (part.offset, part.bytes_end.saturating_sub(part.offset));
-            let records = records_of(&mut open.scanner, &mut self.decompressor, offset, bytes)
+            let (scanner, decompressor) = (&mut open.scanner, &mut self.decompressor);
+            let records = records_of(scanner, decompressor, &mut self.body, offset, bytes)
                 .map_err(Error::file("read", &open.file.path))?;
             open.done = 0;
             open.records = records.unwrap_or_else(|what| {
@@ -310,7 +322,7 @@ impl MessageIter {
             open.done += scan::PREFIX as usize + body.len();
             if opcode == op::MESSAGE
                 && let Some((header, data)) = scan::message(body)
-                && let Some(Some(channel)) = open.channels.get(usize::from(header.channel_id))
+                && let Some(Some((channel, _))) = open.channels.get(usize::from(header.channel_id))
                 && (self.selection.start.0..=self.selection.end.0).contains(&header.log_time)
             {
                 if !channel.is_earlier {
@@ -345,10 +357,11 @@ impl MessageIter {
 }
 
 /// The records of a chunk or of a stretch of messages outside of chunks; a description if it is
-/// damaged.
+/// damaged. `body` is memory for the bytes of the chunk.
 fn records_of(
     scanner: &mut Scanner<File>,
     decompressor: &mut Decompressor,
+    body: &mut Vec<u8>,
     offset: u64,
     bytes: u64,
 ) -> std::io::Result<std::result::Result<Vec<u8>, String>> {
@@ -360,8 +373,8 @@ fn records_of(
     if let Some((op::CHUNK, length)) = first
         && length <= bound + bound / 64 + 4096
     {
-        let body = scanner.read_at(offset + scan::PREFIX, length)?;
-        match decompressor.chunk(&body, bound) {
+        scanner.read_into(offset + scan::PREFIX, length, body)?;
+        match decompressor.chunk(body, bound) {
             Ok(chunk) => return Ok(Ok(chunk.records)),
             Err(Refusal::Compression(name)) => {
                 return Ok(Err(format!("chunk of unknown compression {name:?}")));
@@ -389,7 +402,9 @@ impl Iterator for MessageIter {
     }
 }
 
-fn bad_message(message: MessageRef<'_>) -> impl FnOnce(crate::error::MessageError) -> Error {
+pub(super) fn bad_message(
+    message: MessageRef<'_>,
+) -> impl FnOnce(crate::error::MessageError) -> Error {
     let topic = message.channel.topic.clone();
     let log_time = message.log_time.0;
     move |cause| Error::BadMessage {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use sample::{Arrival, LogTime, Payload};
 
-use super::sync::UnsyncedData;
+use super::files::UnsyncedData;
 use super::{Backlog, DiskState, RecorderSummary};
 use crate::{LossLedger, Losses, Options};
 

@@ -608,3 +608,55 @@ fn decoded_records_are_in_the_log_too() {
         800
     );
 }
+
+/// A mark with a number.
+fn mark(number: u64) -> Record {
+    Record::Mark {
+        time: sample::LogTime(START.0 + number),
+        text: number.to_string(),
+    }
+}
+
+/// Numbers of the marks in logs, in their order.
+fn marks(paths: &[PathBuf]) -> Vec<u64> {
+    let reader = Reader::open(paths).expect("a run");
+    let messages = reader.messages(Selection::topics(["/mark"]));
+    let texts = messages.filter_map(|message| {
+        match message
+            .and_then(|message| message.record())
+            .expect("readable")
+        {
+            Some(Record::Mark { text, .. }) => text.parse().ok(),
+            _ => None,
+        }
+    });
+    texts.collect()
+}
+
+#[test]
+fn records_of_one_command_are_in_the_log_in_their_order() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let recorder =
+        Recorder::start(directory.path(), "run", session(), Options::default()).expect("started");
+    assert_eq!(recorder.record_all(Vec::new()), 0);
+    assert_eq!(recorder.record_all((0..100).map(mark).collect()), 0);
+    assert!(recorder.record(mark(100)));
+    let summary = recorder.finish().expect("finished");
+    assert_eq!(marks(&paths(&summary)), (0..=100).collect::<Vec<_>>());
+    assert_eq!(summary.losses.records, 0);
+}
+
+/// A quarter of the queue is kept for arrivals.
+#[test]
+fn records_that_the_queue_has_no_room_for_are_lost_from_the_end_and_counted() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let options = Options {
+        queue_capacity: 8,
+        ..Options::default()
+    };
+    let recorder = Recorder::start(directory.path(), "run", session(), options).expect("started");
+    assert_eq!(recorder.record_all((0..10).map(mark).collect()), 4);
+    let summary = recorder.finish().expect("finished");
+    assert_eq!(marks(&paths(&summary)), (0..6).collect::<Vec<_>>());
+    assert_eq!(summary.losses.records, 4);
+}

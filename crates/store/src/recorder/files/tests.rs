@@ -16,8 +16,8 @@ fn arrival(sequence: u64) -> Arrival {
     }
 }
 
-/// A worker that writes a group every 100 ms and syncs a log only when it closes the log.
-fn worker(directory: &Path) -> Worker {
+/// Files that write a group every 100 ms and sync a log only when they close the log.
+fn files(directory: &Path) -> Files {
     let options = Options {
         raw_interval: Duration::from_millis(100),
         sync_interval: Duration::from_secs(3600),
@@ -25,10 +25,10 @@ fn worker(directory: &Path) -> Worker {
         ..Options::default()
     };
     let shared = Arc::new(Shared::new(&options, crate::LossLedger::default()));
-    Worker::open(directory, "run", Session::default(), options, shared).expect("a file")
+    Files::open(directory, "run", Session::default(), options, shared).expect("a file")
 }
 
-impl Worker {
+impl Files {
     fn take(&mut self, sequences: std::ops::Range<u64>) {
         for sequence in sequences {
             self.shared.enter(&[arrival(sequence)]);
@@ -55,16 +55,16 @@ fn read(summary: &RecorderSummary) -> Vec<u64> {
 #[test]
 fn arrivals_of_a_rotated_log_that_did_not_reach_the_disk_are_written_again() {
     let directory = tempfile::tempdir().expect("a directory");
-    let mut worker = worker(directory.path());
-    worker.take(0..35);
-    worker.refuse();
-    worker.rotate();
-    worker.take(35..70);
-    worker.rotate();
-    worker.take(70..100);
-    worker.syncer.wait_for_jobs();
-    worker.take(100..130);
-    let summary = worker.finish();
+    let mut files = files(directory.path());
+    files.take(0..35);
+    files.refuse();
+    files.rotate();
+    files.take(35..70);
+    files.rotate();
+    files.take(70..100);
+    files.syncer.wait_for_jobs();
+    files.take(100..130);
+    let summary = files.finish();
     assert_eq!(read(&summary), (0..130).collect::<Vec<_>>());
     assert_eq!(summary.losses.arrivals, 0);
     assert!(!summary.unfinished.is_empty());
@@ -80,10 +80,10 @@ fn arrivals_of_a_rotated_log_that_did_not_reach_the_disk_are_written_again() {
 #[test]
 fn arrivals_of_the_last_log_are_written_again() {
     let directory = tempfile::tempdir().expect("a directory");
-    let mut worker = worker(directory.path());
-    worker.take(0..35);
-    worker.refuse();
-    let summary = worker.finish();
+    let mut files = files(directory.path());
+    files.take(0..35);
+    files.refuse();
+    let summary = files.finish();
     assert_eq!(read(&summary), (0..35).collect::<Vec<_>>());
     assert_eq!((summary.losses.arrivals, summary.unfinished.len()), (0, 1));
 }
@@ -93,12 +93,12 @@ fn arrivals_that_cannot_be_written_again_are_counted() {
     let parent = tempfile::tempdir().expect("a directory");
     let directory = parent.path().join("logs");
     std::fs::create_dir(&directory).expect("made");
-    let mut worker = worker(&directory);
-    worker.take(0..35);
-    worker.refuse();
+    let mut files = files(&directory);
+    files.take(0..35);
+    files.refuse();
     std::fs::rename(&directory, parent.path().join("away")).expect("moved");
     std::fs::write(&directory, "").expect("no folder can be made");
-    let summary = worker.finish();
+    let summary = files.finish();
     assert_eq!(summary.files, []);
     assert_eq!(summary.losses.arrivals, 35);
     assert_eq!(summary.losses.at(sample::LossPlace::Disk)[&SOURCE], 35);
@@ -126,23 +126,23 @@ fn control(log_time: u64, names: &[&str]) -> Record {
 #[test]
 fn every_channel_of_every_part_has_its_schema() {
     let directory = tempfile::tempdir().expect("a directory");
-    let mut worker = worker(directory.path());
+    let mut files = files(directory.path());
     for (part, fails) in (0..).zip([true, false, true]) {
-        worker.take(part * 30..part * 30 + 30);
-        worker.record(&control(part * 300_000_000, &["throttle", "brake"]));
+        files.take(part * 30..part * 30 + 30);
+        files.record(&control(part * 300_000_000, &["throttle", "brake"]));
         if fails {
-            worker.fail(&Error::Sink(std::io::ErrorKind::StorageFull.into()));
-            worker.retry();
+            files.fail(&Error::Sink(std::io::ErrorKind::StorageFull.into()));
+            files.retry();
             // The waiting data is written before the controller sends again.
-            if let Sink::Open(file) = &mut worker.sink {
+            if let Sink::Open(file) = &mut files.sink {
                 file.flush().expect("room");
             }
         } else {
-            worker.rotate();
+            files.rotate();
         }
     }
-    worker.record(&control(1_000_000_000, &["brake"]));
-    let summary = worker.finish();
+    files.record(&control(1_000_000_000, &["brake"]));
+    let summary = files.finish();
     let mut seen = 0;
     for file in &summary.files {
         let reader = crate::Reader::open([&file.path]).expect("a log");

@@ -1,10 +1,10 @@
-//! Data that the worker has taken and not written yet.
+//! Data that the recorder has taken and not written yet.
 
 use std::sync::atomic::Ordering;
 
-use super::{Sink, Tally, Worker};
+use super::{Files, Sink, Tally};
 
-impl Worker {
+impl Files {
     /// Removes the data from the account that is now in the log or in its journal.
     pub(super) fn account(&mut self) {
         let Sink::Open(file) = &mut self.sink else {

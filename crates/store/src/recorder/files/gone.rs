@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Sink, Worker};
+use super::{Files, Sink};
 use crate::file::{Presence, active_path};
 use crate::recorder::GoneLog;
 use crate::{Losses, Result};
@@ -33,7 +33,7 @@ impl Folder {
     }
 }
 
-impl Worker {
+impl Files {
     /// Checks that the open file still has its name. If not, a new file takes the data in memory.
     pub(super) fn look_for_file(&mut self) {
         let Sink::Open(file) = &self.sink else {

@@ -1,22 +1,24 @@
-//! The thread that compresses and writes.
+//! The files of a run: the open one with its journal, rotation, and new files after a failure.
 
 mod account;
 mod gone;
+mod open_file;
+mod sync;
 
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, atomic::Ordering};
 use std::time::{Duration, Instant};
 
 use sample::Arrival;
 
-use super::open_file::OpenFile;
 use super::shared::Tally;
-use super::sync::{Job, Syncer, Watched};
-use super::{Command, DiskState, RecorderSummary, Shared, losses_file};
+use super::{DiskState, RecorderSummary, Shared, losses_file};
 use crate::file::part_path;
 use crate::log_writer::{Latched, Pending};
 use crate::{Error, Finished, Options, Record, Result, Session};
+use open_file::OpenFile;
+pub(super) use sync::UnsyncedData;
+use sync::{Job, Syncer, Watched};
 
 /// Interval between two checks that the file still exists.
 const PRESENCE_INTERVAL: Duration = Duration::from_millis(500);
@@ -24,14 +26,15 @@ const PRESENCE_INTERVAL: Duration = Duration::from_millis(500);
 /// A new file, or the data that waits for one and the error.
 type NewFile = std::result::Result<(Box<OpenFile>, Watched), Box<(Pending, Error)>>;
 
-pub(crate) struct Worker {
+/// The files of a run. The thread of the recorder calls it for each command.
+pub(super) struct Files {
     directory: PathBuf,
     stem: String,
     session: Session,
     options: Options,
     shared: Arc<Shared>,
     syncer: Syncer,
-    /// Time to wait for a command before arrivals are written to the journal.
+    /// Time until arrivals are written to the journal, at most.
     patience: Duration,
     part: u32,
     sink: Sink,
@@ -55,8 +58,8 @@ enum Sink {
     },
 }
 
-impl Worker {
-    pub(crate) fn open(
+impl Files {
+    pub(super) fn open(
         directory: &Path,
         stem: &str,
         session: Session,
@@ -86,46 +89,21 @@ impl Worker {
         })
     }
 
-    pub(crate) fn run(mut self, queue: &Receiver<Command>) -> RecorderSummary {
-        loop {
-            match queue.recv_timeout(self.patience) {
-                Ok(Command::Arrivals(arrivals)) => {
-                    for arrival in arrivals {
-                        self.shared.taken();
-                        self.arrival(arrival);
-                        if self.shared.has_given_up() {
-                            return self.leave();
-                        }
-                    }
-                }
-                Ok(Command::Records(records)) => {
-                    for record in records {
-                        self.shared.taken();
-                        self.record(&record);
-                    }
-                }
-                Ok(Command::Rotate) => {}
-                Err(RecvTimeoutError::Timeout) => self.idle(),
-                Ok(Command::Finish) | Err(RecvTimeoutError::Disconnected) => break,
-            }
-            self.write_journal();
-            self.look_after_disk();
-            if self.shared.has_given_up() {
-                return self.leave();
-            }
-        }
-        self.finish()
-    }
-
     /// Ends without writing: the time to stop is over, and the remaining data is counted as lost.
-    fn leave(self) -> RecorderSummary {
+    pub(super) fn leave(self) -> RecorderSummary {
         if let Sink::Open(file) = self.sink {
             file.writer.abandon();
         }
         self.summary
     }
 
-    fn arrival(&mut self, arrival: Arrival) {
+    /// Time after which a thread without commands calls [`Files::idle`].
+    pub(super) const fn patience(&self) -> Duration {
+        self.patience
+    }
+
+    /// Takes an arrival.
+    pub(super) fn arrival(&mut self, arrival: Arrival) {
         let failed = match &mut self.sink {
             Sink::Open(file) => {
                 self.fresh.add(&arrival);
@@ -148,7 +126,7 @@ impl Worker {
     }
 
     /// Writes arrivals to the journal, or sets the time until that is due.
-    fn write_journal(&mut self) {
+    pub(super) fn write_journal(&mut self) {
         self.patience = self.options.raw_interval.min(PRESENCE_INTERVAL);
         let Sink::Open(file) = &mut self.sink else {
             return;
@@ -162,7 +140,8 @@ impl Worker {
         }
     }
 
-    fn record(&mut self, record: &Record) {
+    /// Takes a decoded record.
+    pub(super) fn record(&mut self, record: &Record) {
         match &mut self.sink {
             Sink::Open(file) => {
                 file.writer.record(record);
@@ -174,7 +153,8 @@ impl Worker {
         }
     }
 
-    fn idle(&mut self) {
+    /// Writes what is due without a command.
+    pub(super) fn idle(&mut self) {
         if let Sink::Open(file) = &mut self.sink
             && let Err(error) = file.idle()
         {
@@ -182,7 +162,8 @@ impl Worker {
         }
     }
 
-    fn look_after_disk(&mut self) {
+    /// Rotates, notices failures and deleted files, and tries a new file after a failure, if one is due.
+    pub(super) fn look_after_disk(&mut self) {
         let refused = match &self.sink {
             Sink::Open(file) => file.refused().map(str::to_owned),
             Sink::Failing { .. } => None,
@@ -434,7 +415,8 @@ impl Worker {
         true
     }
 
-    fn finish(mut self) -> RecorderSummary {
+    /// Writes the waiting data and closes the last file.
+    pub(super) fn finish(mut self) -> RecorderSummary {
         self.close_last();
         if self.take_back() {
             self.close_last();

@@ -182,7 +182,7 @@ struct Closed {
 }
 
 impl Closed {
-    /// Syncs a log. If the disk fails, returns its arrivals to the worker, and `false`.
+    /// Syncs a log. If the disk fails, returns its arrivals to the files of the run, and `false`.
     fn take(&mut self, log: ClosedLog, shared: &Shared) -> bool {
         let synced = if self.broken {
             Err("the log before it did not reach the disk".to_owned())
@@ -206,7 +206,7 @@ impl Closed {
         let last_failure = &mut self.last_failure;
         self.nameless.retain(|file| match file.give_name() {
             Ok(()) => false,
-            // The worker handles deleted files.
+            // The files of the run handle deleted files.
             Err(_) if file.presence() == Presence::Deleted => false,
             Err(error) => {
                 let reason = error.to_string();
