@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(limits_of(&format!("{bus}{prowler}")), [""; 0]);
         let without_strain = limits_of(&format!("{gnss}{prowler}"));
         assert!(without_strain[0].contains("no source has a strain channel"));
-        let half = model::vehicle::Vehicle::builtin_text("prowler").expect("built in");
+        let half = Vehicle::builtin_text("prowler").expect("built in");
         let points = half.find("[rear.wishbone]").expect("a table");
         let rest = half[points + 1..].find("\n[").expect("a table") + points + 1;
         let half = half[..points].to_owned() + &half[rest..];
