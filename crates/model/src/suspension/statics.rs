@@ -13,10 +13,14 @@
 //! w = G c + g, with the wrench w = (F, M) that the ground exerts on the tyre, in the tyre's
 //! contact frame about the contact point, and the member forces c.
 
+mod others;
+
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 
 use super::{Corner, CornerMotion, CornerPose, SuspensionError, TyreFrame};
 use crate::vehicle::Unsprung;
+
+use others::straight_inertia;
 
 /// Force and moment that the ground exerts on a tyre, contact frame, about the contact point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -188,65 +192,6 @@ impl CornerStatics {
             lower_normal: lower.normal,
             sixth,
         })
-    }
-
-    /// The map of a MacPherson strut whose tube is bent along `across`.
-    fn of_strut(
-        corner: &Corner,
-        pose: &CornerPose,
-        frame: &TyreFrame,
-        unsprung: &Unsprung,
-        motion: &CornerMotion,
-        across: [Vector3<f64>; 2],
-    ) -> Result<Self, SuspensionError> {
-        let p = &corner.points;
-        let contact = frame.contact_m;
-        let lower = lower_arm(corner, pose);
-        let (known, lower_weight) = known_wrench(
-            pose,
-            contact,
-            None,
-            &lower,
-            unsprung,
-            motion,
-            ChannelKind::Strut,
-        );
-        let (top, ball) = (pose.upper_ball_m, pose.lower_ball_m);
-        let tie_rod = (pose.tie_rod_inner_m - pose.tie_rod_outer_m).normalize();
-        let columns = [
-            (top, across[0]),
-            (top, across[1]),
-            (ball, pull(p.lower_front, ball)),
-            (ball, pull(p.lower_rear, ball)),
-            (pose.tie_rod_outer_m, tie_rod),
-            (pose.strut_arm_m, pose.strut_direction),
-        ];
-        let columns = columns.map(|(at, force)| stack(force, (at - contact).cross(&force)));
-        Self::of_columns(&columns, &known, frame, (lower.normal, lower_weight))
-    }
-
-    /// The map of a wheel whose linkage is not known: the members are forces along x and across the path and
-    /// moments about the wheel centre, in the place of what the linkage has.
-    fn of_straight(
-        path: Vector3<f64>,
-        pose: &CornerPose,
-        frame: &TyreFrame,
-        unsprung: &Unsprung,
-        motion: &CornerMotion,
-    ) -> Result<Self, SuspensionError> {
-        let to_centre = pose.wheel_centre_m - frame.contact_m;
-        let force = |force: Vector3<f64>| stack(force, to_centre.cross(&force));
-        let moment = |moment: Vector3<f64>| stack(Vector3::zeros(), moment);
-        let columns = [
-            force(Vector3::x()),
-            force(path.cross(&Vector3::x()).normalize()),
-            moment(Vector3::x()),
-            moment(Vector3::y()),
-            moment(Vector3::z()),
-            force(path / path.norm_squared()),
-        ];
-        let known = straight_inertia(pose, frame.contact_m, unsprung, motion);
-        Self::of_columns(&columns, &known, frame, (Vector3::z(), 0.0))
     }
 
     /// The map of forces that hold the upright, as wrenches on it about the contact point, vehicle axes.
@@ -480,19 +425,6 @@ fn known_wrench(
         known += line(pose.lower_ball_m, -lower.normal) * lower_weight;
     }
     (known, lower_weight)
-}
-
-/// What the members need not carry where all outboard mass is at the wheel centre.
-fn straight_inertia(
-    pose: &CornerPose,
-    contact: Vector3<f64>,
-    unsprung: &Unsprung,
-    motion: &CornerMotion,
-) -> Vector6<f64> {
-    let arms = motion.lower_arm_specific_force_m_s2 * -unsprung.lower_arm_mass_kg
-        + motion.upper_arm_specific_force_m_s2 * -unsprung.upper_arm_mass_kg;
-    corner_inertia(pose, contact, unsprung, motion)
-        + stack(arms, (pose.wheel_centre_m - contact).cross(&arms))
 }
 
 /// The wrench that balances one of vehicle axes, in the tyre's axes.

@@ -1,12 +1,13 @@
 //! A wheel on a straight path, for a vehicle without hard-points.
 
 use nalgebra::{Matrix3, Vector3};
+use sample::Wheel;
 
 use super::linkage::{
     Coordinates, Derivatives, Linkage, OutboardPart, PARTS, PointPath, StrutMount, TwoForceMember,
 };
 use super::{SuspensionError, finite};
-use crate::vehicle::Unsprung;
+use crate::vehicle::{Unsprung, Vehicle};
 
 /// A wheel that travels along a straight line and turns about an upright axis through its centre.
 ///
@@ -24,6 +25,25 @@ pub struct StraightPath {
     pub motion_ratio: f64,
     /// Strut length l_0 in the design position, m.
     pub design_length_m: f64,
+}
+
+impl StraightPath {
+    /// The path of a wheel by the roll centre of its axle (the slope of e) and the strut's motion ratio; `None`
+    /// if the vehicle file does not have them.
+    #[must_use]
+    pub fn of(vehicle: &Vehicle, wheel: Wheel) -> Option<Self> {
+        let axle = vehicle.axle(wheel);
+        let strut = axle.strut.as_ref()?;
+        let [x, y] = vehicle.wheel_place_m(wheel);
+        let squeeze_m = vehicle.static_load_n(wheel) / axle.tyre.vertical_stiffness_n_m;
+        let slope = 2.0 * wheel.side() * axle.roll_centre_height_m / axle.track_m;
+        Some(Self {
+            wheel_centre_m: Vector3::new(x, y, axle.tyre.unloaded_radius_m - squeeze_m),
+            path: Vector3::new(0.0, slope, 1.0),
+            motion_ratio: strut.motion_ratio?,
+            design_length_m: strut.design_length_m,
+        })
+    }
 }
 
 impl Linkage for StraightPath {

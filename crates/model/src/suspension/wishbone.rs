@@ -15,6 +15,7 @@
 mod circle;
 mod path;
 mod points;
+mod straight;
 
 use nalgebra::{Matrix3, Vector3};
 use sample::Wheel;
@@ -290,70 +291,6 @@ impl Corner {
             tie_rod_branch: branch(foot, axis, lever, points.tie_rod_inner),
             design_strut_length_m: strut.norm(),
             points,
-        }
-    }
-
-    /// The corner of `wheel` of an axle without hard-points: its wheel moves straight up, with the slope of the
-    /// axle's roll centre and the strut's motion ratio. `None` if the file lacks them.
-    #[must_use]
-    pub fn straight(vehicle: &Vehicle, wheel: Wheel) -> Option<Self> {
-        let axle = vehicle.axle(wheel);
-        let strut = axle.strut.as_ref()?;
-        let ratio = strut.motion_ratio?;
-        let [x, y] = vehicle.wheel_place_m(wheel);
-        let squeeze_m = vehicle.static_load_n(wheel) / axle.tyre.vertical_stiffness_n_m;
-        let centre = Vector3::new(x, y, axle.tyre.unloaded_radius_m - squeeze_m);
-        let slope = 2.0 * wheel.side() * axle.roll_centre_height_m / axle.track_m;
-        let length_m = strut.design_length_m;
-        Some(Self {
-            wheel,
-            points: HardPoints::all_at(centre, centre + Vector3::z() * length_m),
-            lower_axis: Vector3::x(),
-            upper_axis: Vector3::x(),
-            rack_direction: 1.0,
-            strut_circle: Circle::new(centre, Vector3::x(), centre, centre),
-            guide: Guide::Straight(Vector3::new(0.0, slope, 1.0) / -ratio),
-            design: Upright::default(),
-            tie_rod_length_m: 0.0,
-            tie_rod_branch: 1.0,
-            design_strut_length_m: length_m,
-        })
-    }
-
-    /// Whether the linkage is known.
-    #[must_use]
-    pub fn is_known(&self) -> bool {
-        self.straight_path().is_none()
-    }
-
-    /// Movement of the wheel centre for one metre of strut if the linkage is not known.
-    pub(super) fn straight_path(&self) -> Option<Vector3<f64>> {
-        match self.guide {
-            Guide::Straight(path) => Some(path),
-            _ => None,
-        }
-    }
-
-    fn straight_pose(&self, strut_length_m: f64, path: Vector3<f64>) -> CornerPose {
-        let centre =
-            self.points.wheel_centre + path * (strut_length_m - self.design_strut_length_m);
-        CornerPose {
-            strut_length_m,
-            rack_m: 0.0,
-            lower_angle_rad: 0.0,
-            upper_angle_rad: 0.0,
-            lower_ball_m: centre,
-            upper_ball_m: centre,
-            tie_rod_inner_m: centre,
-            tie_rod_outer_m: centre,
-            strut_arm_m: centre,
-            strut_direction: path.normalize(),
-            wheel_centre_m: centre,
-            spindle: Vector3::y(),
-            vehicle_from_upright: Matrix3::identity(),
-            upright_cg_m: centre,
-            upper_arm_cg_m: centre,
-            lower_arm_cg_m: centre,
         }
     }
 

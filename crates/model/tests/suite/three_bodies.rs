@@ -375,7 +375,11 @@ fn out_of_reach_is_an_error_that_names_the_value() {
     let mut without = axle();
     without.wishbone = None;
     let error = Corner::new(&without, 0.8, Wheel::FrontLeft).expect_err("no hard-points");
-    assert!(error.to_string().starts_with("front.wishbone is missing"));
+    assert!(
+        error
+            .to_string()
+            .starts_with("front.wishbone or macpherson is missing")
+    );
     let mut flat = axle();
     if let Some(wishbone) = &mut flat.wishbone {
         wishbone.lower_ball_m = wishbone.lower_front_m;

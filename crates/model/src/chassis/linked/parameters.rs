@@ -146,15 +146,7 @@ fn corner(vehicle: &Vehicle, wheel: Wheel) -> Result<Corner, Error> {
     let suspension = if axle.has_hard_points() && vehicle.steering.rack_m_rad.is_some() {
         Suspension::Wishbone(Box::new(Wishbone::of(vehicle, wheel)?))
     } else {
-        let [x, y] = vehicle.wheel_place_m(wheel);
-        let squeeze_m = static_load_n / axle.tyre.vertical_stiffness_n_m;
-        let slope = 2.0 * wheel.side() * axle.roll_centre_height_m / axle.track_m;
-        Suspension::Straight(StraightPath {
-            wheel_centre_m: Vector3::new(x, y, axle.tyre.unloaded_radius_m - squeeze_m),
-            path: Vector3::new(0.0, slope, 1.0),
-            motion_ratio: strut.motion_ratio.ok_or_else(|| missing(struts))?,
-            design_length_m: strut.design_length_m,
-        })
+        Suspension::Straight(StraightPath::of(vehicle, wheel).ok_or_else(|| missing(struts))?)
     };
     let design = Coordinates {
         strut: strut.design_length_m,

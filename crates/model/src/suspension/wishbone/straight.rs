@@ -1,0 +1,69 @@
+//! The corner of an axle whose linkage is not known.
+
+use nalgebra::{Matrix3, Vector3};
+use sample::Wheel;
+
+use super::circle::Circle;
+use super::{Corner, CornerPose, Guide, HardPoints, Upright};
+use crate::suspension::StraightPath;
+use crate::vehicle::Vehicle;
+
+impl Corner {
+    /// The corner of `wheel` of an axle without hard-points: its wheel moves straight up, with the slope of the
+    /// axle's roll centre and the strut's motion ratio. `None` if the file lacks them.
+    #[must_use]
+    pub fn straight(vehicle: &Vehicle, wheel: Wheel) -> Option<Self> {
+        let straight = StraightPath::of(vehicle, wheel)?;
+        let (centre, length_m) = (straight.wheel_centre_m, straight.design_length_m);
+        Some(Self {
+            wheel,
+            points: HardPoints::all_at(centre, centre + Vector3::z() * length_m),
+            lower_axis: Vector3::x(),
+            upper_axis: Vector3::x(),
+            rack_direction: 1.0,
+            strut_circle: Circle::new(centre, Vector3::x(), centre, centre),
+            guide: Guide::Straight(straight.path / -straight.motion_ratio),
+            design: Upright::default(),
+            tie_rod_length_m: 0.0,
+            tie_rod_branch: 1.0,
+            design_strut_length_m: length_m,
+        })
+    }
+
+    /// Whether the linkage is known.
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        self.straight_path().is_none()
+    }
+
+    /// Movement of the wheel centre for one metre of strut if the linkage is not known.
+    pub(in crate::suspension) fn straight_path(&self) -> Option<Vector3<f64>> {
+        match self.guide {
+            Guide::Straight(path) => Some(path),
+            _ => None,
+        }
+    }
+
+    pub(super) fn straight_pose(&self, strut_length_m: f64, path: Vector3<f64>) -> CornerPose {
+        let centre =
+            self.points.wheel_centre + path * (strut_length_m - self.design_strut_length_m);
+        CornerPose {
+            strut_length_m,
+            rack_m: 0.0,
+            lower_angle_rad: 0.0,
+            upper_angle_rad: 0.0,
+            lower_ball_m: centre,
+            upper_ball_m: centre,
+            tie_rod_inner_m: centre,
+            tie_rod_outer_m: centre,
+            strut_arm_m: centre,
+            strut_direction: path.normalize(),
+            wheel_centre_m: centre,
+            spindle: Vector3::y(),
+            vehicle_from_upright: Matrix3::identity(),
+            upright_cg_m: centre,
+            upper_arm_cg_m: centre,
+            lower_arm_cg_m: centre,
+        }
+    }
+}
