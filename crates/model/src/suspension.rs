@@ -27,7 +27,7 @@ pub use hanging::Hanging;
 pub use linkage::{Coordinates, Linkage, PointPath};
 pub use motion::{BodyMotion, CornerMotion};
 pub use parity::{Parity, WrenchEstimate};
-pub use quarter::{QuarterCar, lever_motion_ratio, vertical_force_n, wheel_rate_n_m};
+pub use quarter::{QuarterCar, lever_motion_ratio, motion_ratio, vertical_force_n, wheel_rate_n_m};
 pub use ride::{Ride, RideCorner, frequency_and_damping};
 pub use statics::{ChannelKind, CornerStatics, MemberForces, Wrench, inboard_excess_n};
 pub use straight::StraightPath;

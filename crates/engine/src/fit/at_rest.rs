@@ -2,6 +2,7 @@
 
 use estimator::calibration::Resolved;
 use model::nalgebra::Vector3;
+use model::suspension::motion_ratio;
 use model::vehicle::Vehicle;
 use sample::{StrainChannel, Wheel};
 
@@ -35,9 +36,8 @@ pub fn deflections(
     judgement: &mut Judgement,
 ) {
     for wheel in Wheel::ALL {
-        let strut = vehicle.axle(wheel).strut.as_ref();
-        let Some((strut, ratio)) = strut.and_then(|strut| Some((strut, strut.motion_ratio?)))
-        else {
+        let ratio = motion_ratio(vehicle, wheel).ok().flatten();
+        let (Some(strut), Some(ratio)) = (&vehicle.axle(wheel).strut, ratio) else {
             continue;
         };
         let Some(mean_m) = steady_mean(&columns.compression_m[wheel], columns.rows, reference)

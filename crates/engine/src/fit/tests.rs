@@ -5,7 +5,7 @@ use store::Record;
 use super::{Fit, Judgement};
 use crate::simulate::drives::of_prowler;
 use crate::virtual_drive::Drive;
-use crate::{Config, Entry, Error, VirtualDrive, simulate};
+use crate::{Config, Entry, Error, FileSource, VirtualDrive, simulate};
 
 /// A drive with turns, braking and speeding up, s.
 const MINUTE_S: f64 = 60.0;
@@ -17,12 +17,15 @@ struct Recorded {
 
 impl Recorded {
     fn new(manoeuvre: &str, sensors: &str, seed: u64) -> Self {
-        let mut simulated = VirtualDrive::new(&Drive {
+        Self::of(&Drive {
             seed,
             duration_s: Some(MINUTE_S),
             ..of_prowler(manoeuvre, sensors)
         })
-        .expect("a drive");
+    }
+
+    fn of(drive: &Drive) -> Self {
+        let mut simulated = VirtualDrive::new(drive).expect("a drive");
         let config = simulated.config().expect("a configuration");
         // Decoding needs no estimate.
         let decoding = Config {
@@ -96,6 +99,43 @@ fn correct_drives_have_no_misfit() {
                 text(&judgement)
             );
         }
+    }
+}
+
+/// MacPherson struts, with hard-points of both axles, and of the front axle alone in the configuration.
+#[test]
+fn struts_are_compared_wherever_the_linkage_is_known() {
+    let file = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../testdata/vehicle-with-struts.toml"
+    );
+    let mut recorded = Recorded::of(&Drive {
+        vehicle: FileSource::Path(file.into()),
+        duration_s: Some(MINUTE_S),
+        ..of_prowler("mixed-driving", "thesis-10bit")
+    });
+    for has_rear_points in [true, false] {
+        if let Some(settings) = &mut recorded.config.estimator
+            && !has_rear_points
+        {
+            let rear = &mut settings.vehicle.rear;
+            rear.macpherson = None;
+            rear.strut.as_mut().expect("a strut").motion_ratio = Some(0.97);
+        }
+        let judgement = recorded.with(|_| {});
+        let told = text(&judgement);
+        assert!(judgement.misfits.is_empty(), "{told}");
+        for subject in ["spring deflection", "strain"] {
+            let line = format!("FITS {subject}: order and signs of the wheels");
+            assert!(told.contains(&line), "{line} is absent from\n{told}");
+        }
+        let reversed = recorded.with(|sample| {
+            if let Some(corner) = corner(sample).filter(|c| c.wheel == Wheel::FrontLeft) {
+                corner.strain_counts[2] = corner.strain_counts[2].map(|c| mirrored(c.number()));
+            }
+        });
+        let told = text(&reversed);
+        assert!(told.contains("MISFIT strain FL lower_front"), "{told}");
     }
 }
 

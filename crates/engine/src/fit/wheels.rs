@@ -1,9 +1,9 @@
 //! Which wheel each channel of a wheel belongs to, by what braking and cornering make of it.
 
 use model::nalgebra::{SMatrix, Vector3};
-use model::suspension::{ChannelKind, Corner, CornerMotion, CornerStatics, TyreFrame};
+use model::suspension::{ChannelKind, Corner, CornerStatics, motion_ratio};
 use model::vehicle::Vehicle;
-use sample::{PerWheel, STANDARD_GRAVITY_M_S2, StrainChannel, Wheel};
+use sample::{PerWheel, StrainChannel, Wheel};
 
 use super::columns::{Column, Columns};
 use super::line::{Follows, Line, Reaction, reaction, unit_of};
@@ -77,7 +77,8 @@ pub fn deflections(
 ) {
     let expected = |wheel: Wheel| {
         let strut = vehicle.axle(wheel).strut.as_ref()?;
-        let stiffness = strut.stiffness_n_m * strut.motion_ratio?;
+        let ratio = motion_ratio(vehicle, wheel).ok().flatten()?;
+        let stiffness = strut.stiffness_n_m * ratio;
         Some(force_n(vehicle, wheel).map(|force| vec![force.z / stiffness]))
     };
     let all = Wheel::ALL.map(expected);
@@ -96,7 +97,7 @@ pub fn deflections(
     group.judge(&found, &expected, judgement);
 }
 
-/// Order and signs of the strain channels.
+/// Order and signs of the strain channels, of the axles whose linkage is known.
 pub fn strains(
     columns: &Columns,
     vehicle: &Vehicle,
@@ -105,7 +106,7 @@ pub fn strains(
 ) {
     let gains = Wheel::ALL.map(|wheel| gains(vehicle, wheel));
     let is_known = columns.strain.0.iter().flatten().any(Column::is_known);
-    if gains.iter().any(Option::is_none) || !is_known {
+    if gains.iter().all(Option::is_none) || !is_known {
         return;
     }
     let expected = PerWheel::from_fn(|wheel| {
@@ -166,20 +167,8 @@ pub fn gains(
     let corner = Corner::of(vehicle, wheel).ok()?;
     let axle = vehicle.axle(wheel);
     let pose = corner.pose(corner.design_strut_length_m(), 0.0).ok()?;
-    let load_n = vehicle.static_load_n(wheel);
-    let pressed_m = load_n / axle.tyre.vertical_stiffness_n_m;
-    let frame = TyreFrame::new(&pose, Vector3::z(), axle.tyre.unloaded_radius_m, pressed_m);
-    let motion = CornerMotion::at_rest(Vector3::z() * STANDARD_GRAVITY_M_S2);
-    let unsprung = axle.unsprung.as_ref()?;
-    let statics = CornerStatics::new(
-        &corner,
-        &pose,
-        &frame,
-        unsprung,
-        &motion,
-        ChannelKind::BallNormal,
-    )
-    .ok()?;
+    let (load_n, kind) = (vehicle.static_load_n(wheel), ChannelKind::BallNormal);
+    let statics = CornerStatics::standing(&corner, &pose, axle, Vector3::z(), load_n, kind).ok()?;
     let mut gains: SMatrix<f64, 6, 3> = statics.force_gains();
     let outboard = match wheel.is_front() {
         true => vehicle.drivetrain.front_brake_outboard,
@@ -187,7 +176,7 @@ pub fn gains(
     };
     if !outboard {
         // The half-shaft holds the torque of the wheel, so that F_x acts at the height of the hub.
-        let height_m = axle.tyre.unloaded_radius_m - pressed_m;
+        let height_m = axle.tyre.unloaded_radius_m - load_n / axle.tyre.vertical_stiffness_n_m;
         let moment = statics.moment_gains().column(1) * height_m;
         let along = gains.column(0) + moment;
         gains.set_column(0, &along);

@@ -16,10 +16,10 @@ mod faults;
 mod table;
 
 use model::sensors::Sensors;
-use model::suspension::{ChannelKind, Corner, CornerMotion, CornerStatics, TyreFrame, Wrench};
+use model::suspension::{ChannelKind, Corner, CornerStatics, Wrench};
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
-use sample::{STANDARD_GRAVITY_M_S2, StrainChannel, Wheel};
+use sample::{StrainChannel, Wheel};
 
 use self::table::{Line, Table, spread};
 use super::{Calibration, ChannelCalibration, Resolved};
@@ -152,10 +152,6 @@ pub fn members(
         |error: model::suspension::SuspensionError| EstimatorError::Suspension(error.to_string());
     let corner = Corner::of(vehicle, load.wheel).map_err(told)?;
     let axle = vehicle.axle(load.wheel);
-    let unsprung = axle
-        .unsprung
-        .as_ref()
-        .ok_or_else(|| EstimatorError::Suspension("unsprung masses are missing".to_owned()))?;
     let rack_m = if load.wheel.is_front() {
         vehicle.steering.rack_m_rad.unwrap_or(0.0) * load.steering_wheel_rad
     } else {
@@ -163,26 +159,13 @@ pub fn members(
     };
     let length_m = corner.design_strut_length_m() - load.compression_m;
     let pose = corner.pose(length_m, rack_m).map_err(told)?;
-    let pressed_m = load.force_n[2] / axle.tyre.vertical_stiffness_n_m;
-    let frame = TyreFrame::new(
-        &pose,
-        Vector3::z(),
-        axle.tyre.unloaded_radius_m,
-        pressed_m.max(0.0),
-    );
-    let motion = CornerMotion::at_rest(Vector3::z() * STANDARD_GRAVITY_M_S2);
-    let statics = CornerStatics::new(
-        &corner,
-        &pose,
-        &frame,
-        unsprung,
-        &motion,
-        ChannelKind::BallNormal,
-    )
-    .map_err(told)?;
+    let kind = ChannelKind::BallNormal;
+    let [x, y, load_n] = load.force_n;
+    let statics =
+        CornerStatics::standing(&corner, &pose, axle, Vector3::z(), load_n, kind).map_err(told)?;
     // Forward and left at hub height: about the contact point they have the moment h z x F.
-    let [x, y, _] = load.force_n;
-    let height_m = axle.tyre.unloaded_radius_m - pressed_m.max(0.0);
+    let pressed_m = (load_n / axle.tyre.vertical_stiffness_n_m).max(0.0);
+    let height_m = axle.tyre.unloaded_radius_m - pressed_m;
     let members = statics.members(&Wrench {
         force_n: load.force_n.into(),
         moment_n_m: Vector3::new(-height_m * y, height_m * x, 0.0),

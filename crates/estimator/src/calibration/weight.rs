@@ -8,7 +8,7 @@
 //! with the compression c from the design length, and d = +1 where the strut was being compressed on
 //! the way to the load, -1 where it was being let go: f is the friction that holds it back.
 
-use model::suspension::{ChannelKind, Corner, CornerMotion, CornerStatics, TyreFrame, Wrench};
+use model::suspension::{ChannelKind, Corner, CornerStatics, Wrench};
 use model::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector, Vector3};
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
@@ -157,23 +157,15 @@ fn strut_force_n(
     let told =
         |error: model::suspension::SuspensionError| EstimatorError::Suspension(error.to_string());
     let axle = vehicle.axle(wheel);
-    let unsprung = axle
-        .unsprung
-        .as_ref()
-        .ok_or_else(|| EstimatorError::Suspension("unsprung masses are missing".to_owned()))?;
     let corner = Corner::of(vehicle, wheel).map_err(told)?;
     let length_m = corner.design_strut_length_m() - reading.compression_m[wheel];
     let pose = corner.pose(length_m, 0.0).map_err(told)?;
     let load_n = reading.load_n[wheel];
-    let pressed_m = load_n / axle.tyre.vertical_stiffness_n_m;
     // A load beside the middle leans the body: the ground's normal is not its z axis.
     let [roll, pitch] = lean_rad(vehicle, &reading.compression_m).unwrap_or_default();
     let up = Vector3::new(-pitch, roll, 1.0).normalize();
-    let frame = TyreFrame::new(&pose, up, axle.tyre.unloaded_radius_m, pressed_m);
-    let motion = CornerMotion::at_rest(up * STANDARD_GRAVITY_M_S2);
     let kind = ChannelKind::Strut;
-    let statics =
-        CornerStatics::new(&corner, &pose, &frame, unsprung, &motion, kind).map_err(told)?;
+    let statics = CornerStatics::standing(&corner, &pose, axle, up, load_n, kind).map_err(told)?;
     let wrench = Wrench {
         force_n: Vector3::z() * load_n,
         ..Wrench::default()

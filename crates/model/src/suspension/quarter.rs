@@ -53,15 +53,7 @@ impl RideCorner {
             axle: if wheel.is_front() { "front" } else { "rear" },
             table: "unsprung",
         })?;
-        let ratio = match (axle.has_hard_points(), &axle.strut) {
-            (true, Some(_)) => {
-                let corner = Corner::of(vehicle, wheel)?;
-                let pose = corner.pose_at_jounce(0.0, 0.0)?;
-                Some(corner.rates(&pose).motion_ratio())
-            }
-            (false, Some(strut)) => strut.motion_ratio,
-            _ => None,
-        };
+        let ratio = motion_ratio(vehicle, wheel)?;
         let (stiffness_n_m, damping_n_s_m) = match (ratio, &axle.strut) {
             (Some(ratio), Some(strut)) => (
                 wheel_rate_n_m(strut.stiffness_n_m, ratio),
@@ -76,6 +68,24 @@ impl RideCorner {
             tyre_stiffness_n_m: axle.tyre.vertical_stiffness_n_m,
             tyre_damping_n_s_m: axle.tyre.vertical_damping_n_s_m,
         })
+    }
+}
+
+/// Strut travel for one metre of wheel travel in the design position: by hard-points, else as the strut has it;
+/// `None` if the vehicle file tells neither.
+///
+/// # Errors
+/// When the hard-points are degenerate.
+pub fn motion_ratio(vehicle: &Vehicle, wheel: Wheel) -> Result<Option<f64>, SuspensionError> {
+    let axle = vehicle.axle(wheel);
+    match (axle.has_hard_points(), &axle.strut) {
+        (true, Some(_)) => {
+            let corner = Corner::of(vehicle, wheel)?;
+            let pose = corner.pose_at_jounce(0.0, 0.0)?;
+            Ok(Some(corner.rates(&pose).motion_ratio()))
+        }
+        (false, Some(strut)) => Ok(strut.motion_ratio),
+        _ => Ok(None),
     }
 }
 

@@ -16,9 +16,10 @@
 mod others;
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
+use sample::STANDARD_GRAVITY_M_S2;
 
 use super::{Corner, CornerMotion, CornerPose, SuspensionError, TyreFrame};
-use crate::vehicle::Unsprung;
+use crate::vehicle::{Axle, Unsprung};
 
 use others::straight_inertia;
 
@@ -221,6 +222,33 @@ impl CornerStatics {
             lower_normal,
             sixth: ChannelKind::Strut,
         })
+    }
+
+    /// The map of a corner of `axle` that stands still with a load on a plane whose unit normal is `up`, in the
+    /// contact frame.
+    ///
+    /// # Errors
+    /// When the axle has no unsprung masses, and as [`CornerStatics::new`].
+    pub fn standing(
+        corner: &Corner,
+        pose: &CornerPose,
+        axle: &Axle,
+        up: Vector3<f64>,
+        load_n: f64,
+        sixth: ChannelKind,
+    ) -> Result<Self, SuspensionError> {
+        let unsprung = axle.unsprung.as_ref().ok_or(SuspensionError::Missing {
+            axle: if corner.wheel.is_front() {
+                "front"
+            } else {
+                "rear"
+            },
+            table: "unsprung",
+        })?;
+        let pressed_m = (load_n / axle.tyre.vertical_stiffness_n_m).max(0.0);
+        let frame = TyreFrame::new(pose, up, axle.tyre.unloaded_radius_m, pressed_m);
+        let motion = CornerMotion::at_rest(up * STANDARD_GRAVITY_M_S2);
+        Self::new(corner, pose, &frame, unsprung, &motion, sixth)
     }
 
     /// The same map with another motion of the parts.
