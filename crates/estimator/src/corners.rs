@@ -186,9 +186,10 @@ impl Corners {
         let Ok(states) = <[CornerState; 4]>::try_from(states) else {
             return Ok(None);
         };
-        let rack_m_rad = vehicle.steering.rack_m_rad.unwrap_or_else(|| {
-            let pose = &linkages[0].pose;
-            let per_rack = linkages[0].corner.rates(pose).rack.rotation.z;
+        let steered = &linkages[0].corner;
+        let rack_m_rad = vehicle.steering.rack_m_rad.filter(|_| steered.is_known());
+        let rack_m_rad = rack_m_rad.unwrap_or_else(|| {
+            let per_rack = steered.rates(&linkages[0].pose).rack.rotation.z;
             1.0 / (vehicle.steering.ratio * per_rack)
         });
         Ok(Some(Self {
@@ -474,20 +475,25 @@ impl Corners {
     #[must_use]
     pub fn frame_errors(&self, wheel: Wheel, steer_sigma_rad: f64) -> FrameErrors {
         let slopes = Vector3::new(self.leaning[0], self.leaning[1], 0.0);
-        let frame = self.states[wheel.index()].frame.vehicle_from_tyre;
+        let state = &self.states[wheel.index()];
+        let frame = state.frame.vehicle_from_tyre;
+        let [unknown_steer_rad, inclination_rad] = match state.is_linked {
+            true => [0.0; 2],
+            false => self.tuning.unknown_rad,
+        };
+        let zero_rad = match wheel.is_front() {
+            true => steer_sigma_rad.min(self.tuning.steer_sigma_max_rad),
+            false => 0.0,
+        };
         FrameErrors {
             slopes: [0, 1].map(|axis| frame.column(axis).dot(&slopes)),
-            steer_rad: if wheel.is_front() {
-                steer_sigma_rad.min(self.tuning.steer_sigma_max_rad)
+            steer_rad: if state.is_linked {
+                zero_rad
             } else {
-                0.0
+                math::hypot(zero_rad, unknown_steer_rad)
             },
             tilt_rad: self.tilt.sigma_rad(),
-            inclination_rad: if self.states[wheel.index()].is_linked {
-                0.0
-            } else {
-                self.tuning.unknown_inclination_rad
-            },
+            inclination_rad,
         }
     }
 }

@@ -16,9 +16,9 @@ tuning! {
         /// Largest standard deviation of the front wheels' heading that a workshop's zero of the
         /// steering wheel leaves.
         steer_sigma_max_rad: f64 = 0.003, "rad";
-        /// Standard deviation of the inclination of a wheel against the body if the vehicle file has no
+        /// Standard deviations of heading and inclination of a wheel against the body if the vehicle file has no
         /// hard-points of its axle.
-        unknown_inclination_rad: f64 = 0.07, "rad";
+        unknown_rad: [f64; 2] = [0.02, 0.07], "rad";
         /// Largest load that enters the geometry, in multiples of the static load.
         load_max: f64 = 20.0, "1";
         group tilt: TiltTuning;

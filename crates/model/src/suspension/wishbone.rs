@@ -57,7 +57,7 @@ enum Guide {
     /// A strut that is part of the upright, by its direction from the top down in the design position.
     Strut(Vector3<f64>),
     /// No linkage is known: the wheel centre moves along a straight line by this vector for each metre of
-    /// strut, and does not turn. All outboard mass is at the wheel centre.
+    /// strut, and turns about an upright axis. All outboard mass is at the wheel centre.
     Straight(Vector3<f64>),
 }
 
@@ -331,7 +331,8 @@ impl Corner {
     pub fn pose(&self, strut_length_m: f64, rack_m: f64) -> Result<CornerPose, SuspensionError> {
         finite("strut length", strut_length_m, "m")?;
         if let Guide::Straight(path) = self.guide {
-            return Ok(self.straight_pose(strut_length_m, path));
+            let steer_rad = finite("steer angle", rack_m, "rad")?;
+            return Ok(self.straight_pose(strut_length_m, steer_rad, path));
         }
         let upright = self.upright(strut_length_m);
         let distance_m = match self.guide {
@@ -474,7 +475,10 @@ impl Corner {
                     wheel_centre: path,
                     rotation: Vector3::zeros(),
                 },
-                rack: Twist::default(),
+                rack: Twist {
+                    wheel_centre: Vector3::zeros(),
+                    rotation: Vector3::z(),
+                },
                 lower_angle_per_strut: 0.0,
                 upper_angle_per_strut: 0.0,
             };

@@ -46,10 +46,12 @@ impl Corner {
         if let Guide::Straight(path) = self.guide {
             let mut wheel = PointPath::fixed(pose.wheel_centre_m);
             wheel.travel.by_strut = path;
+            let arm = wheel;
+            wheel.rotation.by_rack = Vector3::z();
             return CornerPath {
                 wheel,
-                upper_arm: wheel,
-                lower_arm: wheel,
+                upper_arm: arm,
+                lower_arm: arm,
             };
         }
         let rates = self.rates(pose);

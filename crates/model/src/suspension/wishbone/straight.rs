@@ -1,6 +1,6 @@
 //! The corner of an axle whose linkage is not known.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Rotation3, Vector3};
 use sample::Wheel;
 
 use super::circle::Circle;
@@ -10,7 +10,8 @@ use crate::vehicle::Vehicle;
 
 impl Corner {
     /// The corner of `wheel` of an axle without hard-points: its wheel moves straight up, with the slope of the
-    /// axle's roll centre and the strut's motion ratio. `None` if the file lacks them.
+    /// axle's roll centre and the strut's motion ratio, and turns about an upright axis by the second coordinate,
+    /// rad, which is no travel of a rack here. `None` if the file lacks them.
     #[must_use]
     pub fn straight(vehicle: &Vehicle, wheel: Wheel) -> Option<Self> {
         let straight = StraightPath::of(vehicle, wheel)?;
@@ -44,12 +45,18 @@ impl Corner {
         }
     }
 
-    pub(super) fn straight_pose(&self, strut_length_m: f64, path: Vector3<f64>) -> CornerPose {
+    pub(super) fn straight_pose(
+        &self,
+        strut_length_m: f64,
+        steer_rad: f64,
+        path: Vector3<f64>,
+    ) -> CornerPose {
+        let turned = *Rotation3::from_axis_angle(&Vector3::z_axis(), steer_rad).matrix();
         let centre =
             self.points.wheel_centre + path * (strut_length_m - self.design_strut_length_m);
         CornerPose {
             strut_length_m,
-            rack_m: 0.0,
+            rack_m: steer_rad,
             lower_angle_rad: 0.0,
             upper_angle_rad: 0.0,
             lower_ball_m: centre,
@@ -59,8 +66,8 @@ impl Corner {
             strut_arm_m: centre,
             strut_direction: path.normalize(),
             wheel_centre_m: centre,
-            spindle: Vector3::y(),
-            vehicle_from_upright: Matrix3::identity(),
+            spindle: turned.column(1).into_owned(),
+            vehicle_from_upright: turned,
             upright_cg_m: centre,
             upper_arm_cg_m: centre,
             lower_arm_cg_m: centre,
