@@ -253,7 +253,9 @@ fn refuse_unless_hanging(
         return refused(Refusal::Missing {
             what: String::new(),
             channel: "living deflection channel".to_owned(),
-            help: "the wheels cannot be seen to hang; mend a potentiometer".to_owned(),
+            help: "the wheels cannot be seen to hang: each channel is absent, frozen or at an end of its range; \
+                   mend a potentiometer, or mount one whose range contains the droop stop"
+                .to_owned(),
         });
     };
     if middle_m.abs() <= HANGING_WITHIN_M {
