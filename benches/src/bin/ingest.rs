@@ -438,6 +438,8 @@ fn log_paths(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     for entry in std::fs::read_dir(folder)? {
         paths.push(entry?.path());
     }
+    // The folder has the counter of the runs too.
+    paths.retain(|path| path.extension().is_some_and(|end| end == "mcap"));
     paths.sort();
     Ok(paths)
 }
