@@ -1,16 +1,19 @@
 //! What a report needs of a log, read in one pass.
 
+mod learnt;
 mod sources;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use sample::{Event, Health, LogTime, Parameters};
+use sample::{Event, Health, LogTime};
 use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset};
 
+use crate::figures::WHEELS;
 use crate::frame::{Frame, Thinning};
 use crate::options::Options;
 use crate::{Error, Progress};
+pub use learnt::{Grip, Learnt};
 pub use sources::{SourceRates, local_m, place_of};
 
 /// Topics whose messages are read one by one; they are few.
@@ -36,7 +39,7 @@ const SENSORS: [&str; 9] = [
     "/attitude",
 ];
 /// Rows of a table that are in memory before they become columns.
-const BATCH_ROWS: usize = 1024;
+const BATCH_ROWS: usize = 512;
 /// Stretches of an envelope in which the samples of a source are counted: a second in a short drive.
 const RATE_STRETCHES: f64 = 10.0;
 /// Time before and after an event that `--around` shows, s.
@@ -85,12 +88,14 @@ pub struct Drive {
     pub sensors: BTreeMap<String, Frame>,
     /// Travel of the suspension by the column of each wheel.
     pub travel: BTreeMap<String, Frame>,
+    /// Number of messages of the suspension's travel for each wheel, if all wheels have a potentiometer.
+    travel_rows: usize,
     /// Longitude and latitude of the first position of each receiver, rad.
     origins: BTreeMap<String, Option<[f64; 2]>>,
     /// Rates and latencies of the sensors by topic.
     pub rates: BTreeMap<String, SourceRates>,
     /// What the estimator has found of sensors and tyres.
-    pub learnt: Vec<Parameters>,
+    pub learnt: Learnt,
     /// Declared events.
     pub events: Vec<Event>,
     /// Marks set by people.
@@ -316,6 +321,9 @@ impl Drive {
                 Sink::TruthForces => self.truth_forces = frame,
                 Sink::Ground => self.ground = frame,
                 Sink::Rollover => self.rollover = frame,
+                Sink::Sensor if is_travel_topic(topic) => {
+                    self.travel_rows += self.rows(topic, info).div_ceil(WHEELS.len());
+                }
                 Sink::Sensor => {}
             }
         }
@@ -374,9 +382,9 @@ impl Drive {
     /// Keeps the values of a sensor that are drawn. Each wheel of the suspension has a frame of its own:
     /// its samples have instants of their own.
     fn take_sensor(&mut self, topic: &str, table: &store::Table) {
-        if topic.starts_with("/deflection") {
+        if is_travel_topic(topic) {
             for column in table.columns.iter().filter(|c| sources::is_travel(&c.name)) {
-                let new = || Frame::expecting(0, self.thinning);
+                let new = || Frame::expecting(self.travel_rows, self.thinning);
                 let frame = self.travel.entry(column.name.clone()).or_insert_with(new);
                 frame.extend_present(table, self.start.0, &column.name);
             }
@@ -390,7 +398,11 @@ impl Drive {
     fn take_record(&mut self, record: Record, session: &store::Session) {
         match record {
             Record::Event(event) => self.events.push(event),
-            Record::Parameters(parameters) => self.learnt.push(*parameters),
+            Record::Parameters(parameters) => {
+                let time_s = self.seconds(parameters.time);
+                let apart_s = self.thinning.stretch_s(0.0);
+                self.learnt.take(*parameters, time_s, apart_s);
+            }
             Record::Health(health) => self.health = Some(health),
             Record::ClockFit(fit) => {
                 self.clocks.insert(session.source_name(fit.source), fit);
@@ -466,6 +478,11 @@ impl Drive {
     pub fn seconds(&self, time: LogTime) -> f64 {
         time.seconds_since(self.start)
     }
+}
+
+/// Whether a topic has the travel of the suspension.
+fn is_travel_topic(topic: &str) -> bool {
+    topic.starts_with("/deflection")
 }
 
 /// All events of a log.

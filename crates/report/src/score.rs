@@ -143,7 +143,7 @@ pub const LOW_PASS_HZ: [f64; 2] = [0.5, 45.0];
 const TILE_PAIRS: usize = 32;
 
 /// What is compared at an instant: the estimate and the truth, which several outputs share.
-type Pair = (Box<Estimate>, Rc<Estimate>);
+type Pair = (Box<Estimate>, Rc<Box<Estimate>>);
 
 /// Several instants.
 type Pairs = Vec<Pair>;
@@ -246,13 +246,13 @@ fn contact_load_n(truth: &Estimate, wheel: Wheel) -> f64 {
     }
 }
 
-type TruthByTime = BTreeMap<LogTime, Rc<Estimate>>;
+type TruthByTime = BTreeMap<LogTime, Rc<Box<Estimate>>>;
 
 fn truth(reader: &Reader) -> Result<TruthByTime, ScoreError> {
     let mut truth = BTreeMap::new();
     for state in reader.truth() {
         let state = state?;
-        truth.insert(state.time, Rc::new(state));
+        truth.insert(state.time, Rc::new(Box::new(state)));
     }
     Ok(truth)
 }

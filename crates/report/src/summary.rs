@@ -3,9 +3,8 @@
 mod json;
 mod verdict;
 
-use estimator::consistency::chi_squared_bounds;
 use model::vehicle::Vehicle;
-use sample::{EventKind, InnovationKind, LossPlace};
+use sample::{EventKind, LossPlace};
 
 use crate::drive::Drive;
 use crate::figures::WHEELS;
@@ -83,7 +82,7 @@ impl Summary {
                 .last()
                 .copied()
                 .unwrap_or_default(),
-            consistent: consistent(drive),
+            consistent: drive.learnt.consistent(),
             gaps_s: drive.motion.gaps(),
             ..Self::default()
         };
@@ -106,22 +105,6 @@ fn payload(vehicle: &Vehicle) -> Vec<String> {
     payloads
         .map(|payload| format!("{} {:.0} kg", payload.name, payload.mass_kg))
         .collect()
-}
-
-/// Windows of innovations whose mean is within the 95 % bounds of chi-square.
-fn consistent(drive: &Drive) -> Option<(f64, usize)> {
-    let (mut inside, mut windows) = (0_usize, 0_usize);
-    for parameters in &drive.learnt {
-        for kind in InnovationKind::ALL {
-            let found = parameters.innovations[kind.index()];
-            if found.count > 0 {
-                let [low, high] = chi_squared_bounds(f64::from(found.count));
-                inside += usize::from((low..=high).contains(&found.mean_square));
-                windows += 1;
-            }
-        }
-    }
-    (windows > 0).then(|| (inside as f64 / windows as f64, windows))
 }
 
 fn wheel_rows(drive: &Drive, options: &Options) -> Vec<WheelRow> {

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use sample::{LogTime, Sample, SourceId};
 
-use crate::Record;
 use crate::convert::{self, Address, Body, Encoded};
 use crate::dynamic::{self, DynamicMessage};
 use crate::schema;
+use crate::{Record, Stage};
 
 /// Schemas of the last states, which the next file of a run repeats.
 pub(crate) const LATCHED: [&str; 3] = ["atvrec.ClockFit", "atvrec.Health", "atvrec.UtcOffset"];
@@ -27,6 +27,8 @@ pub(crate) struct Channel {
     pub messages: u32,
     /// Whether the next file of a run repeats its last message.
     pub is_latched: bool,
+    /// Whether its messages are estimates or truth.
+    pub is_estimate: bool,
     /// Whether another channel continues its topic, with another schema.
     is_ended: bool,
 }
@@ -105,6 +107,7 @@ impl Channels {
     fn add(&mut self, topic: Arc<str>, schema: Arc<str>, source: Option<SourceId>) -> usize {
         self.all.push(Channel {
             is_latched: LATCHED.contains(&&*schema),
+            is_estimate: Stage::from_topic(&topic).is_some(),
             topic,
             schema,
             source,

@@ -20,8 +20,8 @@ pub(crate) use handover::{Latched, Pending};
 /// Writes one log to a [`Write`]. It reads no clock: the same input gives the same bytes.
 ///
 /// Arrivals are collected in groups. A group is closed, compressed and written when
-/// [`Options::raw_interval`] has passed on the log clock. Decoded records are in separate chunks, which
-/// are larger, so that indexes stay small.
+/// [`Options::raw_interval`] has passed on the log clock. Decoded records are in separate chunks, one
+/// of sensors and one of estimates and truth, which are larger, so that indexes stay small.
 pub struct LogWriter<W: Write> {
     mcap: McapFile<W>,
     session: Session,
@@ -29,8 +29,9 @@ pub struct LogWriter<W: Write> {
     channels: Channels,
     encoder: raw::Encoder,
     group: Vec<Arrival>,
-    /// Decoded messages that wait for the next flush.
-    decoded: Chunk,
+    /// Decoded messages that wait for the next flush: those of sensors, and those of estimates and truth, so
+    /// that a reader of one kind does not inflate the other.
+    decoded: [Chunk; 2],
     decoded_since: Option<LogTime>,
     /// Why a decoded message could not get a channel; the next flush returns it.
     refused: Option<Error>,
@@ -79,7 +80,7 @@ impl<W: Write> LogWriter<W> {
             channels: Channels::default(),
             encoder: raw::Encoder::new(raw::Packing::Compact),
             group: Vec::new(),
-            decoded: Chunk::default(),
+            decoded: Default::default(),
             decoded_since: None,
             refused: None,
             chunk: Chunk::default(),
@@ -134,7 +135,7 @@ impl<W: Write> LogWriter<W> {
 
     /// Abandons a failed log, without another byte to the sink.
     pub(crate) fn abandon(self) -> (Pending, Latched) {
-        let messages = self.decoded.messages();
+        let messages = self.decoded.iter().flat_map(Chunk::messages);
         let messages = messages.filter_map(|(stamps, data)| {
             let channel = self.channels.by_id(stamps.channel)?;
             Some(Encoded {
@@ -221,13 +222,8 @@ impl<W: Write> LogWriter<W> {
             return;
         }
         let (session, latched) = (&self.session, &mut self.latched);
-        let (mcap, new) = (&mut self.mcap, &mut self.new_channels);
-        let new = self.unsynced.is_some().then_some(new);
-        let mut chunk = Filling {
-            mcap,
-            new,
-            chunk: &mut self.decoded,
-        };
+        let (mcap, decoded) = (&mut self.mcap, &mut self.decoded);
+        let mut new = self.unsynced.is_some().then_some(&mut self.new_channels);
         let (since, refused) = (&mut self.decoded_since, &mut self.refused);
         let messages = &mut latched.messages;
         let name = |id| session.source_name(id);
@@ -240,6 +236,11 @@ impl<W: Write> LogWriter<W> {
                     messages.insert((encoded.topic.clone(), encoded.source), encoded);
                 }
                 since.get_or_insert(message.log_time);
+                let mut chunk = Filling {
+                    mcap,
+                    new: new.as_deref_mut(),
+                    chunk: &mut decoded[usize::from(channel.is_estimate)],
+                };
                 if let Err(error) = chunk.push(channels, &message, dynamic) {
                     *refused = Some(error.into());
                 }
@@ -259,10 +260,12 @@ impl<W: Write> LogWriter<W> {
         self.latched.see_message(message);
         self.decoded_since.get_or_insert(message.log_time);
         let new = self.unsynced.is_some().then_some(&mut self.new_channels);
+        let channel = self.channels.of(message);
+        let is_estimate = self.channels.get_mut(channel).is_estimate;
         let mut chunk = Filling {
             mcap: &mut self.mcap,
             new,
-            chunk: &mut self.decoded,
+            chunk: &mut self.decoded[usize::from(is_estimate)],
         };
         let pushed = chunk.push_encoded(&mut self.channels, message, &self.latched.dynamic);
         if let Err(error) = pushed {
@@ -270,7 +273,7 @@ impl<W: Write> LogWriter<W> {
         }
     }
 
-    /// Closes the group or the decoded chunk if they are older than they may be at `now`.
+    /// Closes the group or the decoded chunks if they are older than they may be at `now`.
     ///
     /// # Errors
     /// If the sink refuses bytes.
@@ -287,21 +290,22 @@ impl<W: Write> LogWriter<W> {
         Ok(())
     }
 
-    /// Whether the decoded chunk is older or larger than it may be at `now`.
+    /// Whether the decoded chunks are older or larger than they may be at `now`.
     pub(crate) fn decoded_is_due(&self, now: LogTime) -> bool {
         let limit = self.options.decoded_interval.as_nanos() as i64;
         self.decoded_since.is_some_and(|since| now - since >= limit)
-            || self.decoded.bytes() >= self.options.decoded_chunk_bytes
+            || self.decoded.iter().map(Chunk::bytes).sum::<usize>()
+                >= self.options.decoded_chunk_bytes
     }
 
     /// Whether decoded messages wait for the next flush.
     pub(crate) fn has_decoded(&self) -> bool {
-        self.decoded.count() > 0
+        self.decoded.iter().any(|chunk| chunk.count() > 0)
     }
 
     /// Discards the decoded messages that wait for the next flush.
     pub(crate) fn drop_decoded(&mut self) {
-        self.decoded.clear();
+        self.decoded.iter_mut().for_each(Chunk::clear);
         self.decoded_since = None;
     }
 
@@ -346,9 +350,11 @@ impl<W: Write> LogWriter<W> {
         if let Some(error) = self.refused.take() {
             return Err(error);
         }
-        let count = self.decoded.count();
-        self.mcap.write_chunk(&mut self.decoded)?;
-        self.counters.messages += count;
+        for chunk in &mut self.decoded {
+            let count = chunk.count();
+            self.mcap.write_chunk(chunk)?;
+            self.counters.messages += count;
+        }
         self.decoded_since = None;
         Ok(())
     }

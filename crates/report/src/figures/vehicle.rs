@@ -1,9 +1,8 @@
 //! Figures of forces, motion and grip.
 
-use sample::AxleGrip;
-
 use super::curves::{Curves, Spec};
 use super::{Candidate, NO_ESTIMATES, WHEELS, panel, timed};
+use crate::drive::Grip;
 use crate::options::Quantity;
 use crate::plot::{Data, Panel, Pen, Trace};
 
@@ -258,22 +257,19 @@ fn rollover(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 /// Stiffness and friction of the tyres.
 pub fn grip(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     let drive = curves.drive;
-    let x: Vec<f64> = drive.learnt.iter().map(|p| drive.seconds(p.time)).collect();
-    type Pick = fn(&AxleGrip) -> f64;
+    let drawn = &drive.learnt.drawn;
+    let x: Vec<f64> = drawn.iter().map(|report| report.time_s).collect();
+    type Pick = fn(&Grip) -> f32;
     let parts: [(&str, usize, bool, Pick); 3] = [
         ("stiffness factor", 0, false, |grip| grip.stiffness_factor),
-        ("friction", 2, false, |grip| {
-            grip.friction.unwrap_or(f64::NAN)
-        }),
-        ("friction, at least", 2, true, |grip| {
-            grip.friction.map_or(grip.friction_min, |_| f64::NAN)
-        }),
+        ("friction", 2, false, |grip| grip.friction),
+        ("friction, at least", 2, true, |grip| grip.friction_min),
     ];
     let mut one = panel("factor, coefficient", None);
     for (axle, name) in ["front", "rear"].into_iter().enumerate() {
         for (what, colour, is_point, pick) in parts {
-            let of_axle = drive.learnt.iter().map(|p| [&p.front, &p.rear][axle]);
-            let y: Vec<f64> = of_axle.map(pick).collect();
+            let of_axle = drawn.iter().map(|report| &report.grip[axle]);
+            let y: Vec<f64> = of_axle.map(|grip| pick(grip).into()).collect();
             if y.iter().any(|value| value.is_finite()) {
                 one.traces.push(Trace {
                     name: format!("{what}, {name}"),
@@ -299,16 +295,9 @@ pub fn grip(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 fn innovations(curves: &Curves<'_>, all: &mut Vec<Candidate>, x: &[f64]) {
     let mut one: Panel = panel("mean y²/S", None);
     for kind in sample::InnovationKind::ALL {
-        let of_kind = curves
-            .drive
-            .learnt
-            .iter()
-            .map(|p| p.innovations[kind.index()]);
-        let y: Vec<f64> = of_kind
-            .map(|found| match found.count {
-                0 => f64::NAN,
-                _ => found.mean_square,
-            })
+        let drawn = curves.drive.learnt.drawn.iter();
+        let y: Vec<f64> = drawn
+            .map(|report| report.innovations[kind.index()].into())
             .collect();
         if y.iter().any(|value| value.is_finite()) {
             one.traces.push(Trace {

@@ -9,14 +9,14 @@ use store::Attachment;
 use crate::drive::Drive;
 
 pub fn learnt(drive: &Drive, body: &mut String) {
-    let Some(learnt) = drive.learnt.last() else {
+    let Some(learnt) = &drive.learnt.last else {
         return;
     };
     body.push_str(
         "<h2 id=\"learnt\">Learnt</h2><p class=\"caption\">What the estimator had found of the \
-         sensors by the drive's end, beyond the calibration, with standard deviations.</p>\
+         sensors by the end of the drive, beyond the calibration.</p>\
          <div class=\"wide\"><table><tr><th></th><th class=\"n\">value</th>\
-         <th class=\"n\">deviation</th><th></th></tr>",
+         <th class=\"n\">standard deviation</th><th></th></tr>",
     );
     let mut row = |name: &str, value: f64, sigma: f64, unit: &str| {
         let _ = write!(

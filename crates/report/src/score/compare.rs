@@ -94,7 +94,7 @@ pub fn compare(
             Some(other) => {
                 let first = *start.get_or_insert(estimate.time);
                 if estimate.time.seconds_since(first) >= from_s {
-                    pairs.push((Box::new(estimate), Rc::new(other)));
+                    pairs.push((Box::new(estimate), Rc::new(Box::new(other))));
                 }
             }
             None => only_here += 1,
@@ -105,7 +105,7 @@ pub fn compare(
     // A log of an earlier version has no forces in the wheel-carrier frame to compare with.
     let frames = [
         forces::frames(pairs.iter().map(|(a, _)| &**a)),
-        forces::frames(pairs.iter().map(|(_, b)| &**b)),
+        forces::frames(pairs.iter().map(|(_, b)| &***b)),
     ];
     let is_common = |frame| frames.iter().all(|own| own[0][0] == frame);
     let both = [[ForceFrame::WheelCarrier; 2], [ForceFrame::Contact; 2]];

@@ -32,7 +32,9 @@ pub(super) struct Pass<'a> {
     loads: PerWheel<f64>,
     start: Option<LogTime>,
     /// The last instants of the truth.
-    truth: BTreeMap<LogTime, Rc<Estimate>>,
+    truth: BTreeMap<LogTime, Rc<Box<Estimate>>>,
+    /// Estimates and truths that were compared; their memory is used again.
+    spare: Vec<Box<Estimate>>,
     /// Of the stage, and of the estimates with a lag.
     outputs: [Output; 2],
     signals: Signals,
@@ -74,7 +76,7 @@ impl Output {
     }
 
     /// Pairs the estimates whose truth is known, and leaves out those that have none.
-    fn pair(&mut self, truth: &BTreeMap<LogTime, Rc<Estimate>>, from: LogTime) {
+    fn pair(&mut self, truth: &BTreeMap<LogTime, Rc<Box<Estimate>>>, from: LogTime) {
         while let Some(first) = self.waiting.front() {
             let found = truth.get(&first.time);
             if found.is_none() && self.waiting.len() <= WAITING_MAX {
@@ -102,6 +104,7 @@ impl<'a> Pass<'a> {
             loads: static_loads(vehicle),
             start: None,
             truth: BTreeMap::new(),
+            spare: Vec::new(),
             outputs: [Output::new(low_pass_hz), Output::new(low_pass_hz)],
             signals: Signals::default(),
             count: 0,
@@ -129,6 +132,9 @@ impl<'a> Pass<'a> {
             if let Some(of) = owner {
                 if let Some(done) = joiners[of].push(&message)? {
                     self.add(of, done);
+                    if let Some(spare) = self.spare.pop() {
+                        joiners[of].reuse(spare);
+                    }
                 }
             } else if let Some(record) = message.record()? {
                 self.take(record);
@@ -160,9 +166,11 @@ impl<'a> Pass<'a> {
         self.surfaces.push(&estimate, start, &self.loads);
         self.ground
             .push_truth(&estimate, start.offset_seconds(self.from_s));
-        self.truth.insert(estimate.time, Rc::from(estimate));
-        if self.truth.len() > WAITING_MAX {
-            self.truth.pop_first();
+        self.truth.insert(estimate.time, Rc::new(estimate));
+        if self.truth.len() > WAITING_MAX
+            && let Some((_, last)) = self.truth.pop_first()
+        {
+            self.spare.extend(Rc::into_inner(last));
         }
         self.pair();
     }
@@ -204,7 +212,10 @@ impl<'a> Pass<'a> {
             }
         }
         of.part += of.pairs.len();
-        of.pairs.clear();
+        for (estimate, truth) in of.pairs.drain(..) {
+            self.spare.push(estimate);
+            self.spare.extend(Rc::into_inner(truth));
+        }
         if of.part >= PART_PAIRS {
             self.end_part(output);
         }

@@ -33,6 +33,8 @@ pub(super) fn part(channel: &ChannelInfo) -> Option<(Part, Stage)> {
 pub struct EstimateJoiner {
     stage: Stage,
     open: Option<Box<Estimate>>,
+    /// Estimates of the caller that it needs no longer; the next ones take their memory.
+    spare: Vec<Box<Estimate>>,
 }
 
 impl EstimateJoiner {
@@ -40,7 +42,16 @@ impl EstimateJoiner {
     /// expects, too.
     #[must_use]
     pub const fn new(stage: Stage) -> Self {
-        Self { stage, open: None }
+        Self {
+            stage,
+            open: None,
+            spare: Vec::new(),
+        }
+    }
+
+    /// Gives back an estimate, whose memory the next one takes.
+    pub fn reuse(&mut self, estimate: Box<Estimate>) {
+        self.spare.push(estimate);
     }
 
     /// Whether a message is a part of the estimates of the stage.
@@ -67,9 +78,14 @@ impl EstimateJoiner {
         };
         let time = message.log_time;
         let done = self.open.take_if(|open| open.time != time);
-        let estimate = self
-            .open
-            .get_or_insert_with(|| Box::new(unknown_estimate(time)));
+        let spare = &mut self.spare;
+        let estimate = self.open.get_or_insert_with(|| match spare.pop() {
+            Some(mut estimate) => {
+                *estimate = unknown_estimate(time);
+                estimate
+            }
+            None => Box::new(unknown_estimate(time)),
+        });
         let bad = |cause| bad_message(*message)(cause);
         match part {
             Part::Motion => estimate.motion = convert::motion(message.data).map_err(bad)?,

@@ -1,8 +1,8 @@
 //! What is written is read back, in the same order, from whole logs.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
-use atvrec_store::{LogWriter, Missing, Options, Reader, Record, Selection, Writer};
+use atvrec_store::{LogWriter, Missing, Options, Reader, Record, Selection, Stage, Writer};
 use proptest::prelude::*;
 use sample::{Arrival, LogTime};
 
@@ -50,11 +50,42 @@ fn arrivals_come_back_in_their_order() {
 fn every_record_comes_back() {
     let written = records(START);
     let (_directory, reader) = on_disk(&write(&[], &written, &Options::default()));
-    let read: Vec<Record> = reader
-        .messages(Selection::default())
-        .filter_map(|message| message.expect("readable").record().expect("by its schema"))
-        .collect();
-    assert_eq!(read, written);
+    // Chunks of sensors and chunks of estimates, each in the order of writing.
+    let mut kinds = [VecDeque::new(), VecDeque::new()];
+    for message in reader.messages(Selection::default()) {
+        let message = message.expect("readable");
+        let kind = usize::from(Stage::from_topic(&message.channel.topic).is_some());
+        kinds[kind].extend(message.record().expect("by its schema"));
+    }
+    for record in written {
+        let own = kinds.iter_mut().find(|kind| kind.front() == Some(&record));
+        assert!(own.and_then(VecDeque::pop_front).is_some(), "{record:?}");
+    }
+    assert_eq!(kinds, [VecDeque::new(), VecDeque::new()]);
+}
+
+/// A reader of estimates inflates no signals of sensors.
+#[test]
+fn sensors_and_estimates_are_in_different_chunks() {
+    let (_directory, reader) = on_disk(&write(&[], &records(START), &Options::default()));
+    let path = &reader.info().files[0].0;
+    let bytes = std::fs::read(path).expect("the log");
+    let summary = mcap::Summary::read(&bytes)
+        .expect("a log")
+        .expect("indexes");
+    let is_estimate = |id: &u16| Stage::from_topic(&summary.channels[id].topic).is_some();
+    let mut kinds = Vec::new();
+    for chunk in &summary.chunk_indexes {
+        let mut found: Vec<bool> = chunk
+            .message_index_offsets
+            .keys()
+            .map(is_estimate)
+            .collect();
+        found.dedup();
+        kinds.push(found);
+    }
+    kinds.sort();
+    assert_eq!(kinds, [[false], [true]]);
 }
 
 #[test]
