@@ -62,20 +62,31 @@ impl TyreForces {
             (velocity + carrier_rate.cross(&foot)).dot(&left),
             i,
         );
-        let forces = corner.tyre.forces(&Contact {
+        let tyre_contact = Contact {
             load_n,
             slip_tangent: slips[0],
             slip_ratio: slips[1],
             camber_rad: math::asin(lean.clamp(-1.0, 1.0)),
             friction_scale: contact.friction,
             stiffness_scale: 1.0,
-        });
+        };
+        let is_left = i.is_multiple_of(2);
+        let forces = corner.tyre.forces_on(is_left, &tyre_contact);
+        let [overturning, own] = corner
+            .tyre
+            .moments_on(is_left, &tyre_contact, &forces, rolling);
         let spin = state.wheel_speed_rad_s[i] - carrier_rate.dot(&s);
-        let resistance = file.rolling_resistance + contact.resistance;
+        let by_ground = |coefficient: f64| {
+            rolling_resistance_n_m(coefficient, load_n, corner.rolling_radius_m, spin)
+        };
         let tilt = lean / upright;
+        let tread = |load_n| tread_moment(file.width_m, file.vertical_stiffness_n_m, load_n, tilt);
         let moment = Vector3::new(
-            -tread_moment(file.width_m, file.vertical_stiffness_n_m, load_n, tilt),
-            rolling_resistance_n_m(resistance, load_n, corner.rolling_radius_m, spin),
+            overturning.unwrap_or_else(|| -tread(load_n)),
+            match own {
+                Some(resistance) => by_ground(contact.resistance) - resistance * saturated(spin),
+                None => by_ground(file.rolling_resistance + contact.resistance),
+            },
             forces.aligning_n_m,
         );
         let force = Vector3::new(forces.longitudinal_n, forces.lateral_n, load_n);
