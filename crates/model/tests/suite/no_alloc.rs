@@ -46,12 +46,18 @@ fn tyres() -> Vec<(&'static str, Tyre)> {
 
 /// The tyre of a property file.
 fn property() -> Tyre {
-    let text = Vehicle::builtin_text("prowler").unwrap();
+    let text = Vehicle::builtin_text("prowler").expect("a vehicle");
     let text = text.replacen("[front.tyre]", "[front.tyre]\ntir = \"my.tir\"", 1);
     let text = text.replacen("reference_load_n", "# reference_load_n", 1);
     let tir = include_str!("../../src/tyre/property/mf61.tir");
-    let text = Vehicle::with_tyre_files(&text, "own.toml", |_| Ok(tir.to_owned())).unwrap();
-    Tyre::from_vehicle(&Vehicle::from_toml(&text, "own.toml").unwrap().front.tyre)
+    let text =
+        Vehicle::with_tyre_files(&text, "own.toml", |_| Ok(tir.to_owned())).expect("a vehicle");
+    Tyre::from_vehicle(
+        &Vehicle::from_toml(&text, "own.toml")
+            .expect("a vehicle")
+            .front
+            .tyre,
+    )
 }
 
 #[test]
