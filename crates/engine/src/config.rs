@@ -24,7 +24,9 @@ use store::Attachment;
 pub use columns::{AlogMap, Clock, CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
 pub use estimator::{Estimator, input, method};
 pub(crate) use files::PROJECT_DBC_TEXT;
-pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, NOT_ATTACHED, read_text};
+pub use files::{
+    FileKind, FileProblem, Files, GAVLAB, GivenFile, NOT_ATTACHED, read_text, with_tyre_files,
+};
 pub use live::Live;
 pub use model::file::{Problem, TOML_MAX, closest};
 pub use output::{CanOutput, CanPort, Output, UdpOutput};

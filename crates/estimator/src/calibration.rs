@@ -329,6 +329,24 @@ mod tests {
     }
 
     #[test]
+    fn channels_of_a_strut_have_two_names() {
+        let text = |name: &str| {
+            format!("vehicle = \"x\"\n[corner.front_left.strain.{name}]\noffset_counts = 500.5")
+        };
+        for (strut, name) in [
+            ("strut_side_x", "upper_front"),
+            ("strut_side_y", "upper_rear"),
+        ] {
+            let read = |name| Calibration::from_toml(&text(name)).unwrap();
+            assert_eq!(read(strut), read(name));
+            assert_eq!(
+                StrainChannel::from_name(strut),
+                StrainChannel::from_name(name)
+            );
+        }
+    }
+
+    #[test]
     fn a_file_overrides_what_it_names_and_survives_a_round_trip() {
         let text = r#"
             vehicle = "x"

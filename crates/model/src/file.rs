@@ -319,6 +319,11 @@ fn parse(text: &str) -> Result<Spanned<DeTable<'_>>, Unparsed> {
     }
 }
 
+/// The table of a TOML text with the places of its values, if its syntax is right.
+pub(crate) fn span_table(text: &str) -> Option<Spanned<DeTable<'_>>> {
+    parse(text).ok()
+}
+
 /// Line and column, both from 1, of a byte position.
 fn line_and_column(text: &str, position: usize) -> (usize, usize) {
     let before = text.get(..position.min(text.len())).unwrap_or(text);

@@ -9,18 +9,23 @@ mod brush;
 mod curve;
 pub mod magic;
 mod physical;
+mod property;
 mod rational;
 mod spring;
 mod stiffness;
+mod tir;
 mod tread;
 
 pub(crate) use brush::{Brush, OnSurface, Slipping};
 pub use curve::{brush_over_grip, brush_over_linear};
-pub use magic::{MagicFormula52, MagicFormula89};
+pub use magic::{MagicFormula52, MagicFormula61, MagicFormula89};
 pub use physical::{Law, Physical};
+pub use property::PropertyTyre;
 pub use rational::{Curve, Offset, Rational};
 pub use spring::{RadialSpringTyre, SpringForce};
 pub use stiffness::Stiffness;
+pub(crate) use tir::Entry;
+pub use tir::Tir;
 pub(crate) use tread::tread_moment;
 
 use crate::values::Values;
@@ -98,17 +103,55 @@ pub enum Tyre {
     MagicFormula52(Box<MagicFormula52>),
     /// Rational parametric curves.
     Rational(Box<Rational>),
+    /// Magic Formula of a tyre property file.
+    Property(Box<PropertyTyre>),
 }
 
 impl Tyre {
-    /// The tyre of a vehicle file: a brush tyre (Fiala in pure slip) with the file's stiffnesses,
-    /// load exponent and friction.
+    /// The tyre of a vehicle file: that of its property file, or a brush tyre (Fiala in pure slip) with
+    /// the file's stiffnesses, load exponent and friction.
     #[must_use]
     pub fn from_vehicle(tyre: &vehicle::Tyre) -> Self {
+        if let Some(tir) = &tyre.tir {
+            return Self::Property(Box::new(PropertyTyre::from_vehicle(tir, tyre)));
+        }
         Self::Physical(Physical::from_vehicle(tyre, Law::Brush))
     }
 
-    /// Force and aligning moment.
+    /// Force and aligning moment on a wheel of the left or the right side: a tyre that was measured on
+    /// the other side is mirrored.
+    #[inline]
+    pub fn forces_on<T: Scalar>(&self, left: bool, contact: &Contact<T>) -> Forces<T> {
+        match self {
+            Self::Property(tyre) if contact.load_n > 0.0 => tyre.forces(left, contact),
+            _ => self.forces(contact),
+        }
+    }
+
+    /// Overturning moment M_x about the contact point and size of the rolling resistance moment
+    /// (positive against the spin), N m, at a longitudinal and a lateral force and a speed, m/s. `None`
+    /// for each moment that the tyre itself does not give: the vehicle file's tread width and rolling
+    /// resistance coefficient give these.
+    #[inline]
+    pub fn moments_on<T: Scalar>(
+        &self,
+        left: bool,
+        contact: &Contact<T>,
+        forces: &Forces<T>,
+        speed_m_s: T,
+    ) -> [Option<T>; 2] {
+        match self {
+            Self::Property(tyre) if contact.load_n > 0.0 => [
+                tyre.has_overturning()
+                    .then(|| tyre.overturning_n_m(left, contact, forces.lateral_n)),
+                tyre.has_resistance()
+                    .then(|| tyre.resistance_n_m(contact, forces.longitudinal_n, speed_m_s)),
+            ],
+            _ => [None, None],
+        }
+    }
+
+    /// Force and aligning moment on a wheel of the side on which the tyre was measured.
     #[inline]
     pub fn forces<T: Scalar>(&self, contact: &Contact<T>) -> Forces<T> {
         if contact.load_n <= 0.0 {
@@ -119,6 +162,7 @@ impl Tyre {
             Self::MagicFormula89(formula) => formula.forces(contact),
             Self::MagicFormula52(formula) => formula.forces(contact),
             Self::Rational(rational) => rational.forces(contact),
+            Self::Property(tyre) => tyre.forces(tyre.is_of_left(), contact),
         }
     }
 }

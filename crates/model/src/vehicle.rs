@@ -11,10 +11,13 @@ mod payload;
 mod plain;
 mod plausible;
 mod rules;
+mod tyre_file;
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+
+use crate::tyre::Tir;
 
 pub use check::Warning;
 pub use payload::{Loaded, MassProperties, Payload};
@@ -277,39 +280,51 @@ impl Axle {
     }
 }
 
-/// Tyre of one corner.
+/// Tyre of one corner. With a tyre property file, fields that are left out come from that file: radius,
+/// width, vertical stiffness and damping, and at FNOMIN the other values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tyre {
+    /// Tyre property file of the Magic Formula 5.2 or 6.1, relative to the vehicle file. A log contains its
+    /// coefficients as a table in place of the name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tir: Option<Tir>,
     /// Unloaded radius R_0, m.
+    #[serde(default = "unset")]
     pub unloaded_radius_m: f64,
     /// Vertical stiffness, N/m.
+    #[serde(default = "unset")]
     pub vertical_stiffness_n_m: f64,
     /// Vertical damping, N s/m.
-    #[serde(default)]
+    #[serde(default = "unset")]
     pub vertical_damping_n_s_m: f64,
     /// Width of the tread on the ground, m; 0 if it is unknown.
-    #[serde(default)]
+    #[serde(default = "unset")]
     pub width_m: f64,
-    /// Cornering stiffness of one tyre at `reference_load_n`, N/rad.
+    /// Cornering stiffness of one tyre at `reference_load_n`, N/rad. Beside `tir` it scales the formula.
+    #[serde(default = "unset")]
     pub cornering_stiffness_n_rad: f64,
-    /// Longitudinal slip stiffness of one tyre at `reference_load_n`, N per unit slip.
+    /// Longitudinal slip stiffness of one tyre at `reference_load_n`, N per unit slip. Beside `tir` it
+    /// scales the formula.
+    #[serde(default = "unset")]
     pub slip_stiffness_n: f64,
-    /// Load for which the stiffnesses hold, N.
+    /// Load for which the stiffnesses hold, N. Beside `tir` it must be FNOMIN.
+    #[serde(default = "unset")]
     pub reference_load_n: f64,
-    /// Exponent n of C = C_0 (F_z/F_z0)^n.
-    #[serde(default = "one")]
+    /// Exponent n of C = C_0 (F_z/F_z0)^n. Beside `tir` it has no influence on the formula.
+    #[serde(default = "unset_one")]
     pub load_exponent: f64,
-    /// Friction coefficient mu.
+    /// Friction coefficient mu. Beside `tir` it scales the formula, whose mu is the lateral one at FNOMIN.
+    #[serde(default = "unset")]
     pub friction: f64,
     /// Relaxation length sigma, m.
-    #[serde(default)]
+    #[serde(default = "unset")]
     pub relaxation_length_m: f64,
-    /// Rolling resistance coefficient.
-    #[serde(default)]
+    /// Rolling resistance coefficient. Beside `tir` it scales QSY1 to QSY6.
+    #[serde(default = "unset")]
     pub rolling_resistance: f64,
-    /// Camber stiffness, N/rad.
-    #[serde(default)]
+    /// Camber stiffness, N/rad. Beside `tir` it has no influence on the formula.
+    #[serde(default = "unset")]
     pub camber_stiffness_n_rad: f64,
 }
 
@@ -368,8 +383,14 @@ impl Default for Drivetrain {
     }
 }
 
-fn one() -> f64 {
-    1.0
+/// A field that the file leaves out; reading the file replaces it.
+fn unset() -> f64 {
+    f64::NAN
+}
+
+/// As [`unset`]; without a property file it becomes 1.
+fn unset_one() -> f64 {
+    f64::NAN
 }
 
 fn is_zero(value: &f64) -> bool {

@@ -4,9 +4,9 @@ use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sample::{
-    CornerSample, Counts, FixQuality, GnssAttitude, GnssVelocity, GroundSpeedSample,
-    HubAccelerationSample, ImuSample, LogTime, Measurement, PerWheel, Sample, SourceId,
-    SteerSample, StrainChannel, WheelSpeedSample,
+    ControlSample, CornerSample, Counts, FixQuality, GnssAttitude, GnssVelocity, GroundSpeedSample,
+    HubAccelerationSample, ImuSample, LogTime, Measurement, PerWheel, Sample, Signal, SourceId,
+    SteerSample, StrainChannel, Wheel, WheelSpeedSample,
 };
 
 use crate::errors;
@@ -48,10 +48,11 @@ pub fn read(samples: &Bound<'_, PyDict>) -> PyResult<Vec<Sample>> {
             "wheel_speed" => rows.wheel_speed(&mut all)?,
             "ground_speed" => rows.ground_speed(&mut all)?,
             "hub_acceleration" => rows.hub_acceleration(&mut all)?,
+            "control" => rows.control(&mut all)?,
             other => {
                 return Err(errors::argument(format!(
                     "samples[{other:?}]: no such kind of samples; there are imu, gnss_velocity, \
-                     gnss_attitude, corner, steer, wheel_speed, ground_speed, hub_acceleration"
+                     gnss_attitude, corner, steer, wheel_speed, ground_speed, hub_acceleration, control"
                 )));
             }
         }
@@ -216,6 +217,51 @@ impl<'py> Rows<'_, 'py> {
                 specific_force_m_s2: force.map(known),
                 ..HubAccelerationSample::empty(wheel)
             }))
+        })
+    }
+
+    /// Forces, torques and temperatures with the names that the roles of a log give them.
+    fn control(&self, all: &mut Vec<Sample>) -> PyResult<()> {
+        self.check_names(&[
+            "hitch_force_n",
+            "drive_torque_n_m",
+            "brake_torque_n_m",
+            "bridge_temperature_c",
+        ])?;
+        let hitch = self.optional_vectors::<3>("hitch_force_n")?;
+        let kinds = [
+            ("drive_torque_n_m", "drive_torque", "N m"),
+            ("brake_torque_n_m", "brake_torque", "N m"),
+            ("bridge_temperature_c", "bridge_temperature", "degC"),
+        ];
+        let mut of_wheels = Vec::new();
+        for (argument, name, unit) in kinds {
+            if let Some(rows) = self.optional_vectors::<4>(argument)? {
+                let names = Wheel::ALL.map(|wheel| format!("{name}_{}", wheel.abbreviation()));
+                of_wheels.push((argument, names, unit, rows));
+            }
+        }
+        self.fill(all, 0, |row| {
+            let mut values = Vec::new();
+            let mut add = |name: &str, unit: &str, value: f64| {
+                if value.is_finite() {
+                    let (name, unit) = (name.into(), unit.into());
+                    values.push(Signal { name, value, unit });
+                }
+            };
+            if let Some(hitch) = &hitch {
+                let force_n: [f64; 3] = self.row("hitch_force_n", hitch, row)?;
+                for (name, value) in ControlSample::HITCH_FORCE.into_iter().zip(force_n) {
+                    add(name, "N", value);
+                }
+            }
+            for (argument, names, unit, rows) in &of_wheels {
+                let of_row: [f64; 4] = self.row(argument, rows, row)?;
+                for (name, value) in names.iter().zip(of_row) {
+                    add(name, unit, value);
+                }
+            }
+            Ok(Measurement::Control(ControlSample { values }))
         })
     }
 

@@ -33,10 +33,13 @@ impl Vehicle {
         model::vehicle::Vehicle::builtin_names().collect()
     }
 
-    /// A vehicle from a file. All errors of the file are reported at once.
+    /// A vehicle from a file and the tyre property files that it names. All errors of the file are
+    /// reported at once.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
-        Self::parse(&files::text(&path)?, path)
+        let text = engine::config::with_tyre_files(&files::text(&path)?, &path);
+        let text = text.map_err(|error| errors::vehicle(error.to_string()))?;
+        Self::parse(&text, path)
     }
 
     /// A vehicle from the text of a vehicle file; `name` stands for the file in messages.

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from mcap.writer import Writer
 
 import atvrec
 
@@ -132,6 +134,79 @@ def test_payload_on_the_vehicle_has_an_effect(simulated_log: Path) -> None:
     assert not np.array_equal(loads(("driver",)), loads(()))
     with pytest.raises(atvrec.ArgumentError, match="driver"):
         atvrec.Estimator(vehicle, payload=["pilot"])
+
+
+def _control_log(path: Path, rows: list[dict[str, float]], units: dict[str, str]) -> None:
+    """A log with values of a controller, 10 ms apart, as the recorder writes them."""
+    file = descriptor_pb2.FileDescriptorProto(
+        name="signals.proto", package="atvrec.signals", syntax="proto2"
+    )
+    message = file.message_type.add(name="car")
+    for number, name in enumerate(units, start=1):
+        message.field.add(
+            name=name,
+            number=number,
+            type=descriptor_pb2.FieldDescriptorProto.TYPE_DOUBLE,
+            label=descriptor_pb2.FieldDescriptorProto.LABEL_OPTIONAL,
+        )
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName("atvrec.signals.car"))
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(
+            "atvrec.signals.car",
+            "protobuf",
+            descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString(),
+        )
+        metadata = {f"unit.{name}": unit for name, unit in units.items()}
+        channel = writer.register_channel("/control/car", "protobuf", schema, metadata)
+        for row, values in enumerate(rows):
+            time_ns = 1_000_000_000 + 10_000_000 * row
+            writer.add_message(channel, time_ns, kind(**values).SerializeToString(), time_ns)
+        writer.finish()
+
+
+def test_torques_and_hitch_force_of_a_log_reach_the_estimator(tmp_path: Path) -> None:
+    units = {
+        "drive_torque_RL": "N m",
+        "brake_torque_FR": "N m",
+        "hitch_force_x": "N",
+        "drive_torque_FL": "lb ft",
+        "throttle": "1",
+    }
+    rows = [
+        {"drive_torque_RL": 80.0, "drive_torque_FL": 5.0},
+        {"throttle": 0.5},
+        {"hitch_force_x": -300.0, "brake_torque_FR": 12.0},
+    ]
+    _control_log(tmp_path / "control.mcap", rows, units)
+    found = atvrec.samples(tmp_path / "control.mcap")["control"]
+    nan = np.nan
+    np.testing.assert_array_equal(found["log_time_ns"], [1_000_000_000, 1_020_000_000])
+    np.testing.assert_array_equal(
+        found["drive_torque_n_m"], [[nan, nan, 80.0, nan], [nan, nan, nan, nan]]
+    )
+    np.testing.assert_array_equal(found["brake_torque_n_m"][1], [nan, 12.0, nan, nan])  # type: ignore
+    np.testing.assert_array_equal(found["hitch_force_n"][1], [-300.0, nan, nan])  # type: ignore
+    assert np.isnan(np.asarray(found["bridge_temperature_c"])).all()
+
+
+def test_a_hitch_force_has_an_effect(simulated_log: Path) -> None:
+    log = atvrec.open(simulated_log)
+    samples = atvrec.samples(log)
+    assert "control" not in samples
+    times = np.asarray(samples["steer"]["log_time_ns"])
+
+    def last_force(force_n: float) -> float:
+        hitch = np.tile([force_n, 0.0, 0.0], (len(times), 1))
+        pulled: Any = {**samples, "control": {"log_time_ns": times, "hitch_force_n": hitch}}
+        estimator = atvrec.Estimator(*vehicle_of(log))
+        return float(estimator.run(pulled).estimates.force_n[-1, :, 0].sum())
+
+    # A load that pulls backwards needs more force of the tyres for the same motion.
+    assert last_force(-400.0) > last_force(0.0) + 10.0
 
 
 def test_errors_name_the_value_and_the_next_step() -> None:

@@ -193,9 +193,13 @@ pub struct Attitude {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StrainChannel {
-    /// Axial, front tube of the upper arm.
+    /// Axial, front tube of the upper arm. MacPherson strut: force of the body on the top of the strut
+    /// forwards, by the bending of its tube.
+    #[serde(alias = "strut_side_x")]
     UpperFront,
-    /// Axial, rear tube of the upper arm.
+    /// Axial, rear tube of the upper arm. MacPherson strut: force of the body on the top of the strut to
+    /// the left, by the bending of its tube.
+    #[serde(alias = "strut_side_y")]
     UpperRear,
     /// Axial, front tube of the lower arm.
     LowerFront,
@@ -244,10 +248,22 @@ impl StrainChannel {
         }
     }
 
-    /// The channel with this name.
+    /// Second name of a channel that measures another force on a MacPherson strut than on a double
+    /// wishbone.
+    #[must_use]
+    pub const fn strut_name(self) -> Option<&'static str> {
+        match self {
+            Self::UpperFront => Some("strut_side_x"),
+            Self::UpperRear => Some("strut_side_y"),
+            _ => None,
+        }
+    }
+
+    /// The channel with this name, or with this name on a MacPherson strut.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|channel| channel.name() == name)
+        let mut all = Self::ALL.into_iter();
+        all.find(|channel| channel.name() == name || channel.strut_name() == Some(name))
     }
 }
 

@@ -297,6 +297,7 @@ impl Params {
             wishbone: Some(points.wishbone()),
             macpherson: None,
             tyre: Tyre {
+                tir: None,
                 unloaded_radius_m: tyre.unloaded_radius_m,
                 vertical_stiffness_n_m: tyre.vertical_n_m,
                 vertical_damping_n_s_m: tyre.vertical_damping_n_s_m,

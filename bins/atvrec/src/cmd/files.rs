@@ -5,8 +5,9 @@ mod template;
 use std::path::Path;
 
 use anyhow::Context;
-use engine::config::{TOML_MAX, read_text};
+use engine::config::{TOML_MAX, read_text, with_tyre_files};
 use engine::output::{Kind, Target};
+use model::FileErrors;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::text::printable;
@@ -20,6 +21,8 @@ pub struct Files {
     /// Name of the kind.
     pub kind: &'static str,
     builtin: fn(&str) -> Option<&'static str>,
+    /// Adds to a text what other files contain.
+    complete: fn(&str, &Path) -> Result<String, FileErrors>,
     names: fn() -> Vec<&'static str>,
     /// Name and warnings of a text, and what is wrong with it.
     read: fn(&str, &str) -> anyhow::Result<Checked>,
@@ -59,6 +62,7 @@ Then: `atvrec sensors check FILE`.
 pub const VEHICLES: Files = Files {
     kind: "vehicle",
     builtin: Vehicle::builtin_text,
+    complete: with_tyre_files,
     names: || Vehicle::builtin_names().collect(),
     read: |text, file| {
         let vehicle = Vehicle::from_toml(text, file)?;
@@ -77,6 +81,7 @@ pub const VEHICLES: Files = Files {
 pub const SENSORS: Files = Files {
     kind: "sensors",
     builtin: Sensors::builtin_text,
+    complete: |text, _| Ok(text.to_owned()),
     names: || Sensors::builtin_names().collect(),
     read: |text, file| Ok((Sensors::from_toml(text, file)?.name, Vec::new())),
     default: "thesis-10bit",
@@ -85,8 +90,13 @@ pub const SENSORS: Files = Files {
 };
 
 impl Files {
-    /// Text of a built-in file or of a file.
+    /// Text of a built-in file or of a file, with what other files contain.
     fn text(&self, file: &str) -> anyhow::Result<String> {
+        Ok((self.complete)(&self.own_text(file)?, Path::new(file))?)
+    }
+
+    /// Text of a built-in file or of a file.
+    fn own_text(&self, file: &str) -> anyhow::Result<String> {
         if let Some(text) = (self.builtin)(file) {
             return Ok(text.to_owned());
         }
@@ -197,7 +207,10 @@ type Checked = (String, Vec<String>);
 fn check(files: &Files, args: &CheckFilesArgs) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Good;
     for file in &args.files {
-        match (files.read)(&files.text(file)?, file) {
+        let text = files.own_text(file)?;
+        let complete = (files.complete)(&text, Path::new(file));
+        let read = complete.map_err(anyhow::Error::from);
+        match read.and_then(|text| (files.read)(&text, file)) {
             Ok((name, warnings)) => {
                 println!("{file}: {}, no errors", printable(&name));
                 for warning in warnings {

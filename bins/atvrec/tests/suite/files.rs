@@ -53,6 +53,44 @@ fn a_template_is_printed_changed_checked_and_drawn() {
     );
 }
 
+/// A vehicle file with a tyre property file is checked, and printed with the coefficients in it.
+#[test]
+fn a_tyre_property_file_is_checked_and_printed_with_the_vehicle() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let own = model::vehicle::Vehicle::builtin_text("prowler").expect("built in");
+    let start = own.find("[front.tyre]").expect("a tyre");
+    let end = start + own[start..].find("\n[").expect("another table");
+    let text = format!(
+        "{}[front.tyre]\ntir = \"my.tir\"{}",
+        &own[..start],
+        &own[end..]
+    );
+    fs::write(here.join("own.toml"), text).expect("written");
+    let check = ["vehicle", "check", "own.toml"];
+    let lost = stderr(&atvrec(here).args(check).assert().code(1));
+    assert!(lost.contains("front.tyre.tir"), "{lost}");
+    let tir = include_str!("../../../../crates/model/src/tyre/property/mf61.tir");
+    fs::write(here.join("my.tir"), tir.replace("PKY4 ", "PKI4 ")).expect("written");
+    let wrong = stderr(&atvrec(here).args(check).assert().code(1));
+    assert!(
+        wrong.contains("my.tir:") && wrong.contains("did you mean PKY4?"),
+        "{wrong}"
+    );
+    let heavy = tir
+        .replace("= 200.0\n", "= 2000.0\n")
+        .replace("= 4\n", "= 15\n");
+    fs::write(here.join("my.tir"), heavy).expect("written");
+    let said = stdout(&atvrec(here).args(check).assert().success());
+    assert!(
+        said.contains("turn slip") && said.contains("2000 to 9000 N (FZMIN, FZMAX)"),
+        "{said}"
+    );
+    let shown = atvrec(here).args(["vehicle", "show", "own.toml"]).assert();
+    let shown = stdout(&shown.success());
+    assert!(shown.contains("tir = { FITTYP = 61,"), "{shown}");
+}
+
 #[test]
 fn wrong_names_files_and_linkages_are_refused_by_name() {
     let directory = tempfile::tempdir().expect("a directory");

@@ -10,6 +10,7 @@ use model::vehicle::Vehicle;
 use store::Attachment;
 
 use super::columns::GAVLAB_MAP;
+use model::FileErrors;
 use model::file::TOML_MAX;
 
 /// Name of the built-in column map for MOOS logs.
@@ -232,18 +233,22 @@ impl Files {
                 }
             }
         };
-        String::from_utf8(bytes).or_else(|error| match kind {
-            // DBC files are often in Latin-1, in which each byte is a code point.
-            FileKind::Dbc => Ok(error
-                .as_bytes()
-                .iter()
-                .map(|byte| char::from(*byte))
-                .collect()),
-            _ => Err(FileProblem {
+        let text = match kind {
+            FileKind::Dbc => text_or_latin1(bytes),
+            _ => String::from_utf8(bytes).map_err(|_| FileProblem {
                 message: format!("{name} is not UTF-8 text"),
                 help: "save the file as UTF-8".to_owned(),
-            }),
-        })
+            })?,
+        };
+        match (kind, &self.place) {
+            (FileKind::Vehicle, Place::Disk(directory)) => {
+                with_tyre_files(&text, &directory.join(name)).map_err(|errors| FileProblem {
+                    message: errors.to_string(),
+                    help: "correct the tyre property file".to_owned(),
+                })
+            }
+            _ => Ok(text),
+        }
     }
 
     /// All files that were read, as attachments of a log.
@@ -280,6 +285,28 @@ fn read_bytes(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
 pub fn read_text(path: &Path, limit: usize) -> io::Result<String> {
     String::from_utf8(read_bytes(path, limit)?)
         .map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
+}
+
+/// UTF-8, or Latin-1, in which each byte is a code point and which DBC files often have.
+fn text_or_latin1(bytes: Vec<u8>) -> String {
+    String::from_utf8(bytes).unwrap_or_else(|error| {
+        let bytes = error.as_bytes().iter();
+        bytes.map(|byte| char::from(*byte)).collect()
+    })
+}
+
+/// The text of the vehicle file `path` with the coefficients of the tyre property files that it names,
+/// so that the text needs no other file.
+///
+/// # Errors
+/// All mistakes of the property files, or that one cannot be read.
+pub fn with_tyre_files(text: &str, path: &Path) -> Result<String, FileErrors> {
+    let directory = path.parent().unwrap_or(Path::new(""));
+    Vehicle::with_tyre_files(text, path, |name| {
+        read_bytes(&directory.join(name), TOML_MAX)
+            .map(text_or_latin1)
+            .map_err(|error| error.to_string())
+    })
 }
 
 fn not_attached(name: &str) -> FileProblem {
@@ -330,6 +357,43 @@ mod tests {
         let old = [attached("prowler", "of an older log")];
         let text = Files::attached(&old).read_text("prowler", FileKind::Vehicle);
         assert_eq!(text.as_deref(), Ok("of an older log"));
+    }
+
+    /// A log contains the tyre: the vehicle in its attachments needs no property file.
+    #[test]
+    fn a_vehicle_that_is_attached_to_a_log_contains_its_tyre() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let own = Vehicle::builtin_text("prowler").expect("built in");
+        let named = own.replace("[front.tyre]", "[front.tyre]\ntir = \"tyres/my.tir\"");
+        // The fields of the vehicle file are those of another load.
+        let named = named.replace("reference_load_n", "# reference_load_n");
+        std::fs::write(directory.path().join("own.toml"), &named).expect("written");
+        let read = || {
+            let mut files = Files::on_disk(directory.path().to_owned());
+            files
+                .read_text("own.toml", FileKind::Vehicle)
+                .map(|text| (text, files.into_used()))
+        };
+        let missing = read().expect_err("no property file").to_string();
+        assert!(
+            missing.contains("front.tyre.tir = \"tyres/my.tir\""),
+            "{missing}"
+        );
+        std::fs::create_dir(directory.path().join("tyres")).expect("created");
+        let tir = include_str!("../../../model/src/tyre/property/mf61.tir");
+        // A comment in Latin-1.
+        let tir = [tir.as_bytes(), b"! M\xfcnchen\n"].concat();
+        std::fs::write(directory.path().join("tyres/my.tir"), tir).expect("written");
+        let (text, attached) = read().expect("read");
+        drop(directory);
+        let again = Files::attached(&attached).read_text("own.toml", FileKind::Vehicle);
+        assert_eq!(again.as_ref(), Ok(&text));
+        // The rear axle still has its own fields.
+        let text = text.replace("# reference_load_n", "reference_load_n");
+        let at = text.find("reference_load_n").expect("the front's");
+        let text = format!("{}# {}", &text[..at], &text[at..]);
+        let vehicle = Vehicle::from_toml(&text, "own.toml").expect("a vehicle");
+        assert!(vehicle.front.tyre.tir.is_some() && vehicle.rear.tyre.tir.is_none());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 mod finder;
 
-use model::file::{ErrorCollector, Section};
+use model::file::{ErrorCollector, Field, Section};
 use model::strain::StrainSignal;
 use sample::{ControlSample, HubAccelerationSample, Side, StrainChannel, Wheel};
 use wire::column::Quantity;
@@ -268,6 +268,7 @@ fn read_strain(
     let corner = wheel.abbreviation();
     for channel in StrainChannel::ALL {
         let field = channels.optional::<String>(channel.name(), collector);
+        let field = on_strut(&mut channels, channel, field, collector);
         let load = match is_bending(channel) {
             true => Dimension::Moment,
             false => Dimension::Force,
@@ -291,11 +292,38 @@ fn read_strain(
                 Role::Strain(wheel, channel, StrainUnit::Of(signal, factor))
             },
         };
-        let key = format!("strain.{corner}.{}", channel.name());
+        let written = field
+            .as_ref()
+            .and_then(|field| field.name.rsplit('.').next());
+        let name = written.unwrap_or(channel.name());
+        let key = format!("strain.{corner}.{name}");
         let default = default_strain(corner, channel);
         finder.add(field, &key, Some(&default), collector, &wanted);
     }
     channels.finish(collector);
+}
+
+/// The field of a channel, or that of its name on a MacPherson strut.
+fn on_strut(
+    channels: &mut Section<'_>,
+    channel: StrainChannel,
+    field: Option<Field<String>>,
+    collector: &mut ErrorCollector<'_>,
+) -> Option<Field<String>> {
+    let Some(name) = channel.strut_name() else {
+        return field;
+    };
+    let strut = channels.optional::<String>(name, collector);
+    let (Some(field), Some(strut)) = (&field, &strut) else {
+        return field.or(strut);
+    };
+    collector.add(
+        &strut.span,
+        &strut.name,
+        format!("{} is the same channel", field.name),
+        "remove one of the two",
+    );
+    None
 }
 
 /// Whether a strain channel measures bending.

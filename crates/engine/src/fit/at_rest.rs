@@ -92,7 +92,7 @@ pub fn strains(
             if (mean_n - expected_n).abs() <= SIGMAS * sigma_n + LOAD_PART * largest {
                 continue;
             }
-            let name = channel.name();
+            let name = vehicle.channel_name(wheel, channel);
             judgement.misfits.push(Misfit {
                 subject: format!("strain {corner} {name}, load at rest"),
                 found: format!("{mean_n:.0} N, {expected_n:.0} N by the vehicle file"),

@@ -128,12 +128,24 @@ pub fn strains(
         .into_iter()
         .filter(|wheel| !turned.contains(wheel))
     {
-        channels(wheel, &found[wheel][1], &expected[wheel][1], judgement);
+        channels(
+            vehicle,
+            wheel,
+            &found[wheel][1],
+            &expected[wheel][1],
+            judgement,
+        );
     }
 }
 
 /// Signs of the channels of one wheel.
-fn channels(wheel: Wheel, found: &[Option<f64>], expected: &[f64], judgement: &mut Judgement) {
+fn channels(
+    vehicle: &Vehicle,
+    wheel: Wheel,
+    found: &[Option<f64>],
+    expected: &[f64],
+    judgement: &mut Judgement,
+) {
     let largest = expected
         .iter()
         .fold(0.0_f64, |largest, value| largest.max(value.abs()));
@@ -145,7 +157,8 @@ fn channels(wheel: Wheel, found: &[Option<f64>], expected: &[f64], judgement: &m
             continue;
         };
         if found * expected < 0.0 && found.abs() > STRONG * expected.abs() {
-            let (corner, name) = (wheel.abbreviation(), channel.name());
+            let corner = wheel.abbreviation();
+            let name = vehicle.channel_name(wheel, channel);
             judgement.misfits.push(Misfit {
                 subject: format!("strain {corner} {name}"),
                 found: format!("{found:+.0} N per m/s^2 to the left, {expected:+.0} expected"),

@@ -96,7 +96,7 @@ pub fn load_rig(
             .iter()
             .map(|load| members(vehicle, sensors, load))
             .collect::<Result<Vec<_>, _>>()?;
-        rig.corner(&resolved, wheel, &rows, &members);
+        rig.corner(vehicle, &resolved, wheel, &rows, &members);
     }
     if rig.sensitivity.is_empty() {
         return Err(Refusal::Missing {
@@ -181,6 +181,7 @@ pub fn members(
 impl LoadRig {
     fn corner(
         &mut self,
+        vehicle: &Vehicle,
         resolved: &Resolved,
         wheel: Wheel,
         rows: &[&RigLoad],
@@ -192,6 +193,7 @@ impl LoadRig {
             y_label: "counts from the zero".to_owned(),
             series: Vec::new(),
         };
+        let is_strut = vehicle.axle(wheel).macpherson.is_some();
         for channel in StrainChannel::ALL {
             let i = channel.index();
             let read: Vec<(usize, [f64; 2])> = rows
@@ -202,7 +204,7 @@ impl LoadRig {
             if read.len() < LOADS_NEEDED {
                 let absent = resolved.corners[wheel].strain[i].dead && read.is_empty();
                 if !absent {
-                    self.unread(wheel, channel, !read.is_empty());
+                    self.unread(vehicle, wheel, channel, !read.is_empty());
                 }
                 continue;
             }
@@ -218,6 +220,7 @@ impl LoadRig {
                 wheel,
                 channel,
                 kind,
+                is_strut,
             }));
             let sign = if fault == Some(WiringKind::Inverted) {
                 -1.0
@@ -240,9 +243,10 @@ impl LoadRig {
                 dead: false,
                 temperature: slot.temperature,
             };
-            self.tell(wheel, channel, &table, &line);
+            let name = vehicle.channel_name(wheel, channel);
+            self.tell(wheel, channel, name, &table, &line);
             figure.series.push(Series {
-                name: channel.name().to_owned(),
+                name: name.to_owned(),
                 line: false,
                 x: table.member.iter().map(|member| member[i]).collect(),
                 y: table
@@ -256,12 +260,13 @@ impl LoadRig {
     }
 
     /// A channel without enough readings within its range.
-    fn unread(&mut self, wheel: Wheel, channel: StrainChannel, sometimes: bool) {
+    fn unread(&mut self, vehicle: &Vehicle, wheel: Wheel, channel: StrainChannel, sometimes: bool) {
         let corner = self.calibration.corner.entry(wheel).or_default();
         corner.strain.entry(channel).or_default().dead = true;
         self.faults.push(WiringFault {
             wheel,
             channel,
+            is_strut: vehicle.axle(wheel).macpherson.is_some(),
             kind: if sometimes {
                 WiringKind::OutOfRange
             } else {
@@ -270,7 +275,14 @@ impl LoadRig {
         });
     }
 
-    fn tell(&mut self, wheel: Wheel, channel: StrainChannel, table: &Table, line: &Line) {
+    fn tell(
+        &mut self,
+        wheel: Wheel,
+        channel: StrainChannel,
+        channel_name: &str,
+        table: &Table,
+        line: &Line,
+    ) {
         let i = channel.index();
         let member: Vec<f64> = table.member.iter().map(|member| member[i]).collect();
         let bends = matches!(
@@ -289,7 +301,7 @@ impl LoadRig {
         ];
         for (name, value, sigma, of) in parts {
             self.findings.findings.push(Finding {
-                name: format!("{wheel} {} {name}", channel.name()),
+                name: format!("{wheel} {channel_name} {name}"),
                 value,
                 unit: of.to_owned(),
                 sigma,

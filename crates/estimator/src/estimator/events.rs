@@ -1,6 +1,7 @@
 //! Events about sensors and filters.
 
-use sample::{Event, EventKind, LogTime, Wheel};
+use model::vehicle::Vehicle;
+use sample::{Event, EventKind, LogTime, StrainChannel, Wheel};
 
 use crate::calibration::hub::WrongAxes;
 use crate::fusion::ChannelChange;
@@ -100,17 +101,20 @@ impl Divergence {
     }
 }
 
-pub(super) fn channel_event(now: LogTime, change: ChannelChange) -> Event {
+pub(super) fn channel_event(now: LogTime, change: ChannelChange, vehicle: &Vehicle) -> Event {
     let wheel = Wheel::ALL[change.wheel];
     let channel = change
         .channel
-        .map_or("deflection", |channel| channel.name());
+        .map_or("deflection", |channel| vehicle.channel_name(wheel, channel));
     let name = format!("{wheel} {channel}");
     sensor_event(now, change.faulty, name, CONTRADICTS)
 }
 
-pub(super) fn frozen_event(now: LogTime, change: FrozenChange) -> Event {
-    let name = format!("{} {}", change.wheel, change.channel);
+pub(super) fn frozen_event(now: LogTime, change: FrozenChange, vehicle: &Vehicle) -> Event {
+    let FrozenChange { wheel, channel, .. } = change;
+    let channel = StrainChannel::from_name(channel)
+        .map_or(channel, |channel| vehicle.channel_name(wheel, channel));
+    let name = format!("{wheel} {channel}");
     sensor_event(now, change.frozen, name, FROZEN)
 }
 
@@ -150,5 +154,45 @@ fn sensor_event(now: LogTime, faulty: bool, name: String, why: &str) -> Event {
         probability: None,
         load_transfer_ratio: None,
         text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On a MacPherson strut, an event names the force that the channel measures there.
+    #[test]
+    fn events_name_the_channels_of_a_strut() {
+        let struts = include_str!("../../../../testdata/vehicle-with-struts.toml");
+        let struts = Vehicle::from_toml(struts, "struts.toml").unwrap();
+        let arms = Vehicle::builtin("prowler").unwrap();
+        let wheel = Wheel::FrontLeft;
+        let told = |vehicle: &Vehicle, channel| {
+            let faulty = ChannelChange {
+                wheel: wheel.index(),
+                channel: Some(channel),
+                faulty: true,
+            };
+            let frozen = FrozenChange {
+                wheel,
+                channel: channel.name(),
+                frozen: true,
+            };
+            let events = [
+                channel_event(LogTime(0), faulty, vehicle),
+                frozen_event(LogTime(0), frozen, vehicle),
+            ];
+            events.map(|event| event.text)
+        };
+        for text in told(&struts, StrainChannel::UpperRear) {
+            assert!(text.contains("strut_side_y"), "{text}");
+        }
+        for text in told(&struts, StrainChannel::LowerRear) {
+            assert!(text.contains("lower_rear"), "{text}");
+        }
+        for text in told(&arms, StrainChannel::UpperRear) {
+            assert!(text.contains("upper_rear"), "{text}");
+        }
     }
 }

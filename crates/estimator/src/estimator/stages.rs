@@ -56,7 +56,7 @@ impl Estimator {
         }
         self.readings
             .frozen_changes(&self.calibration, &mut |change| {
-                out(Output::Event(frozen_event(time, change)));
+                out(Output::Event(frozen_event(time, change, &self.vehicle)));
             });
         settled(*self.moving_since.get_or_insert(time))
     }
@@ -213,7 +213,7 @@ impl Estimator {
                 turn_over_ground: corners.turn_over_ground(),
             };
             let forces = fusion.step(&input, &mut self.readings, &mut |change| {
-                out(Output::Event(channel_event(now, change)));
+                out(Output::Event(channel_event(now, change, &self.vehicle)));
             });
             self.divergences[1].step(now, fusion.resets().into(), false, out);
             self.monitors.update_imu_consistency(fusion.imu_agrees());

@@ -24,7 +24,8 @@ struct File {
 
 const VEHICLE: File = File {
     title: "Vehicle file",
-    introduction: "A vehicle file describes a vehicle in SI units. `atvrec vehicle show prowler` prints an \
+    introduction: "A vehicle file describes a vehicle in SI units. A tyre can come from a property file \
+        ([Tyre property files](tyres.md)). `atvrec vehicle show prowler` prints an \
         example, `atvrec vehicle check` checks a file, and `atvrec vehicle draw` draws its hard-points \
         ([Commands](commands.md#vehicle-and-sensors)).\n\n\
         Axes are those of ISO 8855: x forward, y to the left, z up. Hard-points and centres of gravity of \
@@ -109,7 +110,8 @@ fn comments(sources: &[&str], structure: &str) -> BTreeMap<String, Comment> {
         {
             let default = match kind.trim_end_matches(',') {
                 _ if !attributes.contains("default") => "",
-                _ if attributes.contains("\"one\"") => "1",
+                _ if attributes.contains("\"unset_one\"") => "1, or from `tir`",
+                _ if attributes.contains("\"unset\"") => "0, or from `tir`",
                 kind if kind.starts_with("Option") => "none",
                 "f64" => "0",
                 "[f64; 2]" => "[0, 0]",
@@ -167,6 +169,7 @@ fn values(kind: Kind) -> String {
             .trim_end_matches(", ")
             .to_owned(),
         Kind::Pairs => "pairs of numbers".into(),
+        Kind::TyreFile => "name of a `.tir` file, or its coefficients as a table".into(),
         Kind::Choice(names) => format!("one of {}", listed(names)),
         Kind::Choices(names) => format!("some of {}", listed(names)),
     }
@@ -201,10 +204,15 @@ impl File {
                 field,
                 kind,
                 required,
+                unless,
             } in section.rules
             {
                 let Comment { meaning, default } = &comments[*field];
-                let default = if *required { "error" } else { default };
+                let default = match (required, unless) {
+                    (true, Some(_)) => "error, or from `tir`",
+                    (true, None) => "error",
+                    (false, _) => default,
+                };
                 let values = values(*kind);
                 let _ = writeln!(page, "| `{field}` | {meaning} | {values} | {default} |");
             }
@@ -246,14 +254,20 @@ fn object(rules: &[Rule], comments: &BTreeMap<String, Comment>) -> Map<String, V
         property["description"] = json!(comments[*field].meaning);
         properties.insert((*field).to_owned(), property);
     }
-    let required = rules.iter().filter(|rule| rule.required);
-    let required: Vec<&str> = required.map(|rule| rule.field).collect();
-    let object = json!({
+    let required = |is_given: bool| -> Vec<&str> {
+        let rules = rules.iter().filter(|rule| rule.required);
+        let rules = rules.filter(|rule| rule.unless.is_some() == is_given);
+        rules.map(|rule| rule.field).collect()
+    };
+    let mut object = json!({
         "type": "object",
         "additionalProperties": false,
         "properties": properties,
-        "required": required,
+        "required": required(false),
     });
+    if let Some(other) = rules.iter().find_map(|rule| rule.unless) {
+        object["anyOf"] = json!([{ "required": [other] }, { "required": required(true) }]);
+    }
     match object {
         Value::Object(object) => object,
         _ => Map::new(),
@@ -292,6 +306,7 @@ fn property(kind: Kind) -> Value {
             });
             json!({ "type": "array", "items": pair })
         }
+        Kind::TyreFile => json!({ "type": ["string", "object"] }),
         Kind::Choice(names) => json!({ "enum": names }),
         Kind::Choices(names) => {
             json!({ "type": "array", "items": { "enum": names }, "uniqueItems": true })

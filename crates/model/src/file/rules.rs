@@ -11,6 +11,7 @@ use super::section::number;
 use super::{
     ErrorCollector, FileErrors, Problem, TOML_MAX, Unparsed, closest, line_and_column, parse,
 };
+use crate::tyre::{Entry, Tir};
 
 /// Which numbers a field admits.
 #[derive(Clone, Copy, Debug)]
@@ -60,6 +61,8 @@ pub(crate) enum Kind {
     Choices(&'static [&'static str]),
     /// An array of tables, each under the rules of the table with the array's name.
     Tables,
+    /// A tyre property file: its name, or its coefficients as a table.
+    TyreFile,
 }
 
 /// One field of a file.
@@ -71,6 +74,16 @@ pub(crate) struct Rule {
     pub kind: Kind,
     /// Whether it must be there when its table is.
     pub required: bool,
+    /// Field of the same table that gives a required field, too.
+    pub unless: Option<&'static str>,
+}
+
+/// A field that must be there, or another one that gives its value.
+pub(crate) const fn must_unless(field: &'static str, kind: Kind, other: &'static str) -> Rule {
+    Rule {
+        unless: Some(other),
+        ..must(field, kind)
+    }
 }
 
 /// A field that must be there.
@@ -79,6 +92,7 @@ pub(crate) const fn must(field: &'static str, kind: Kind) -> Rule {
         field,
         kind,
         required: true,
+        unless: None,
     }
 }
 
@@ -88,6 +102,7 @@ pub(crate) const fn may(field: &'static str, kind: Kind) -> Rule {
         field,
         kind,
         required: false,
+        unless: None,
     }
 }
 
@@ -282,7 +297,8 @@ impl Walk<'_, '_> {
             self.field(&field, rule.kind, value.get_ref(), &written);
         }
         for rule in self.rules(name) {
-            if rule.required && !table.keys().any(|key| key.get_ref() == rule.field) {
+            let has = |field: &str| table.keys().any(|key| key.get_ref() == field);
+            if rule.required && !has(rule.field) && !rule.unless.is_some_and(has) {
                 let field = join(name, rule.field);
                 self.problem(
                     &field,
@@ -336,6 +352,7 @@ impl Walk<'_, '_> {
                 }
                 wrong
             }
+            (Kind::TyreFile, value) => tyre_complaint(value),
             _ => Some(format!("is of the wrong type ({})", value.type_str())),
         };
         if let Some(message) = complaint {
@@ -343,6 +360,29 @@ impl Walk<'_, '_> {
             self.problem(field, shown, message, format!("give {}", wanted(kind)));
         }
     }
+}
+
+/// What is wrong with the coefficients of a tyre property file.
+fn tyre_complaint(value: &DeValue<'_>) -> Option<String> {
+    let DeValue::Table(table) = value else {
+        return Some(match value {
+            DeValue::String(_) => "is the name of a file that was not read".to_owned(),
+            other => format!("is of the wrong type ({})", other.type_str()),
+        });
+    };
+    let mut entries = BTreeMap::new();
+    for (name, value) in table {
+        let entry = match (value.get_ref(), number(value.get_ref())) {
+            (DeValue::String(text), _) => Entry::Text(text.to_string()),
+            (DeValue::Integer(_), Some(number)) => Entry::Whole(number as i64),
+            (_, Some(number)) => Entry::Number(number),
+            (_, None) => return Some(format!("has {}, which is not a number", name.get_ref())),
+        };
+        entries.insert(name.get_ref().to_string(), entry);
+    }
+    Tir::try_from(entries)
+        .err()
+        .map(|fault| format!("is no tyre: {fault}"))
 }
 
 fn choices_complaint(items: &toml::de::DeArray<'_>, choices: &[&str]) -> Option<String> {
@@ -389,6 +429,7 @@ fn wanted(kind: Kind) -> String {
         Kind::Choice(choices) => format!("one of {}", choices.join(", ")),
         Kind::Choices(choices) => format!("an array of some of {}", choices.join(", ")),
         Kind::Tables => "an array of tables".into(),
+        Kind::TyreFile => "the name of a .tir file beside the vehicle file".into(),
     }
 }
 

@@ -29,6 +29,10 @@ fn tyres() -> Vec<Tyre> {
     all.push(Tyre::Rational(Box::new(rational::tests::front())));
     all.push(Tyre::MagicFormula89(Box::default()));
     all.push(Tyre::MagicFormula52(Box::default()));
+    for text in [property::tests::MF52, property::tests::MF61] {
+        let tir = Tir::parse(text, "tyre.tir").unwrap();
+        all.push(Tyre::Property(Box::new(PropertyTyre::measured(&tir))));
+    }
     all
 }
 

@@ -3,8 +3,10 @@
 use std::fmt;
 use std::path::Path;
 
+use sample::Wheel;
+
 use super::rules::SECTIONS;
-use super::{Axle, Macpherson, Strut, Vehicle, VehicleErrors, plain};
+use super::{Axle, Macpherson, Strut, Vehicle, VehicleErrors, plain, tyre_file};
 use crate::file::rules::{self, Checked};
 
 /// Something in a vehicle file that is possible, but so rare that it is worth a second look.
@@ -26,7 +28,8 @@ impl fmt::Display for Warning {
 
 impl Vehicle {
     /// Reads a vehicle file. `path` is only named in messages. A file that speaks of no axle needs
-    /// mass and axle distances only.
+    /// mass and axle distances only. [`Vehicle::with_tyre_files`] reads the tyre property files that a text
+    /// names.
     ///
     /// # Errors
     /// All mistakes at once, each with its line, field, value and remedy.
@@ -36,6 +39,7 @@ impl Vehicle {
         } else {
             rules::read(text, path.as_ref(), SECTIONS)?
         };
+        tyre_file::fill(&mut checked);
         for (field, value, message, remedy) in contradictions(&checked.value) {
             checked.note(&field, value, message, remedy);
         }
@@ -91,6 +95,23 @@ impl Vehicle {
         }
         warnings.extend(self.wheelbase_warning());
         warnings.extend(self.implausible());
+        warnings.extend(self.tyre_file_warnings());
+        warnings
+    }
+
+    fn tyre_file_warnings(&self) -> Vec<Warning> {
+        let axles = [("front", Wheel::FrontLeft), ("rear", Wheel::RearLeft)];
+        let mut warnings = Vec::new();
+        for (name, wheel) in axles {
+            let load_n = self.static_load_n(wheel);
+            let tir = self.axle(wheel).tyre.tir.as_ref();
+            let found = tir.map(|tir| tir.warnings(load_n)).unwrap_or_default();
+            warnings.extend(found.into_iter().map(|text| Warning {
+                field: format!("{name}.tyre.tir"),
+                value: load_n,
+                text,
+            }));
+        }
         warnings
     }
 

@@ -1,6 +1,6 @@
 //! What follows from a vehicle's values.
 
-use sample::{STANDARD_GRAVITY_M_S2, Wheel};
+use sample::{STANDARD_GRAVITY_M_S2, StrainChannel, Wheel};
 
 use super::{Axle, Pitch, Sprung, Tyre, Vehicle};
 
@@ -37,6 +37,15 @@ impl Tyre {
 }
 
 impl Vehicle {
+    /// Name of a strain channel in messages: on a MacPherson strut, that of what it measures there.
+    #[must_use]
+    pub fn channel_name(&self, wheel: Wheel, channel: StrainChannel) -> &'static str {
+        let strut = self.axle(wheel).macpherson.as_ref();
+        strut
+            .and(channel.strut_name())
+            .unwrap_or_else(|| channel.name())
+    }
+
     /// Wheelbase L = a + b, m.
     #[must_use]
     pub fn wheelbase_m(&self) -> f64 {

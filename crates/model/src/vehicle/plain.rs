@@ -188,6 +188,7 @@ fn axle(body: &Body, part: f64) -> Axle {
         wishbone: None,
         macpherson: None,
         tyre: Tyre {
+            tir: None,
             unloaded_radius_m: TYRE_RADIUS_M,
             vertical_stiffness_n_m: VERTICAL_STIFFNESS_M * load_n,
             vertical_damping_n_s_m: 0.0,

@@ -1,8 +1,8 @@
 //! What each field of a vehicle file may hold.
 
-use crate::file::rules::Kind::{Flag, Number, Pairs, Table, Tables, Text, Texts, Vector};
+use crate::file::rules::Kind::{Flag, Number, Pairs, Table, Tables, Text, Texts, TyreFile, Vector};
 use crate::file::rules::Range::{Finite, NonNegative, Positive, Within};
-use crate::file::rules::{Kind, Rule, TableRules, may, must};
+use crate::file::rules::{Kind, Rule, TableRules, may, must, must_unless};
 
 /// Lengths beyond this are taken for millimetres.
 pub(super) const LENGTH: f64 = 30.0;
@@ -181,15 +181,16 @@ const MACPHERSON: &[Rule] = &[
 ];
 
 const TYRE: &[Rule] = &[
-    must("unloaded_radius_m", Number(Positive(3.0))),
-    must("vertical_stiffness_n_m", Number(Positive(STIFFNESS))),
+    may("tir", TyreFile),
+    must_unless("unloaded_radius_m", Number(Positive(3.0)), "tir"),
+    must_unless("vertical_stiffness_n_m", Number(Positive(STIFFNESS)), "tir"),
     may("vertical_damping_n_s_m", Number(NonNegative(1e6))),
     may("width_m", Number(NonNegative(3.0))),
-    must("cornering_stiffness_n_rad", Number(Positive(1e7))),
-    must("slip_stiffness_n", Number(Positive(1e7))),
-    must("reference_load_n", Number(Positive(1e6))),
+    must_unless("cornering_stiffness_n_rad", Number(Positive(1e7)), "tir"),
+    must_unless("slip_stiffness_n", Number(Positive(1e7)), "tir"),
+    must_unless("reference_load_n", Number(Positive(1e6)), "tir"),
     may("load_exponent", Number(Within(0.0, 2.0))),
-    must("friction", Number(Positive(3.0))),
+    must_unless("friction", Number(Positive(3.0)), "tir"),
     may("relaxation_length_m", Number(NonNegative(5.0))),
     may("rolling_resistance", Number(Within(0.0, 0.5))),
     may("camber_stiffness_n_rad", Number(NonNegative(1e6))),

@@ -40,7 +40,24 @@ fn tyres() -> Vec<(&'static str, Tyre)> {
             "mf 5.2",
             Tyre::MagicFormula52(Box::<MagicFormula52>::default()),
         ),
+        ("mf 6.1 from a property file", property()),
     ]
+}
+
+/// The tyre of a property file.
+fn property() -> Tyre {
+    let text = Vehicle::builtin_text("prowler").expect("a vehicle");
+    let text = text.replacen("[front.tyre]", "[front.tyre]\ntir = \"my.tir\"", 1);
+    let text = text.replacen("reference_load_n", "# reference_load_n", 1);
+    let tir = include_str!("../../src/tyre/property/mf61.tir");
+    let text =
+        Vehicle::with_tyre_files(&text, "own.toml", |_| Ok(tir.to_owned())).expect("a vehicle");
+    Tyre::from_vehicle(
+        &Vehicle::from_toml(&text, "own.toml")
+            .expect("a vehicle")
+            .front
+            .tyre,
+    )
 }
 
 #[test]

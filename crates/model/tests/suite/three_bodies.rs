@@ -58,6 +58,7 @@ fn axle() -> Axle {
             tie_rod_outer_m: [-0.10, 0.45, 0.31],
         }),
         tyre: Tyre {
+            tir: None,
             unloaded_radius_m: 0.31,
             vertical_stiffness_n_m: 120_000.0,
             vertical_damping_n_s_m: 0.0,

@@ -148,6 +148,19 @@ class HubAccelerationSamples(Times):
     along the spindle to the left, z up; NaN where an axis is not measured."""
 
 
+class ControlSamples(Times, total=False):
+    """Samples of a controller. NaN is a value that is not there."""
+
+    hitch_force_n: npt.ArrayLike
+    """Force of a load on the hitch, vehicle axes, N, (n, 3)."""
+    drive_torque_n_m: npt.ArrayLike
+    """Drive torques of the wheels about their spindles, N m, (n, 4)."""
+    brake_torque_n_m: npt.ArrayLike
+    """Brake torques of the wheels, N m, (n, 4)."""
+    bridge_temperature_c: npt.ArrayLike
+    """Temperatures of the strain bridges of the wheels, degrees Celsius, (n, 4)."""
+
+
 class Samples(TypedDict, total=False):
     """Samples of all kinds. Those with the same log time are taken in the order of the keys."""
 
@@ -159,6 +172,7 @@ class Samples(TypedDict, total=False):
     wheel_speed: WheelSpeedSamples
     ground_speed: GroundSpeedSamples
     hub_acceleration: HubAccelerationSamples
+    control: ControlSamples
 
 
 @dataclass(frozen=True, eq=False)
@@ -504,6 +518,26 @@ class Estimator:
             specific_force_m_s2=[specific_force_m_s2],
         )
 
+    def push_control(
+        self,
+        log_time_ns: int,
+        *,
+        hitch_force_n: Sequence[float] | Doubles | None = None,
+        drive_torque_n_m: Sequence[float] | Doubles | None = None,
+        brake_torque_n_m: Sequence[float] | Doubles | None = None,
+        bridge_temperature_c: Sequence[float] | Doubles | None = None,
+        valid_time_ns: int | None = None,
+    ) -> None:
+        """Takes one sample of a controller; see :class:`ControlSamples`."""
+        values = {
+            "hitch_force_n": hitch_force_n,
+            "drive_torque_n_m": drive_torque_n_m,
+            "brake_torque_n_m": brake_torque_n_m,
+            "bridge_temperature_c": bridge_temperature_c,
+        }
+        rows = {name: [value] for name, value in values.items() if value is not None}
+        self._push_one("control", log_time_ns, valid_time_ns, **rows)
+
     def _push_one(
         self, kind: str, log_time_ns: int, valid_time_ns: int | None, **values: Any
     ) -> None:
@@ -584,7 +618,35 @@ def samples(log: Log | Path | Iterable[Path]) -> Samples:
                 found.setdefault("ground_speed", []).append(_times(columns) | speeds)
             case ["hub_acceleration"]:
                 found.setdefault("hub_acceleration", []).extend(_hubs(log.read(topic)))
-    return cast(Samples, {kind: _merged(tables) for kind, tables in found.items()})
+            case ["control", _]:
+                found.setdefault("control", []).extend(_controls(log.read(topic), log.units(topic)))
+    return cast(Samples, {kind: _merged(tables) for kind, tables in found.items() if tables})
+
+
+_CONTROLS = {
+    "hitch_force_n": ("hitch_force", "xyz", ("N",)),
+    "drive_torque_n_m": ("drive_torque", _WHEELS, ("N m", "Nm")),
+    "brake_torque_n_m": ("brake_torque", _WHEELS, ("N m", "Nm")),
+    "bridge_temperature_c": ("bridge_temperature", _WHEELS, ("degC",)),
+}
+
+
+def _controls(columns: _Columns, units: dict[str, str]) -> list[_Columns]:
+    """A table of the messages that have a value for the estimator; none where none has one."""
+    length = len(columns["log_time_ns"])
+    of = {name.lower(): name for name in columns}
+    values: _Columns = {}
+    for argument, (name, parts, known) in _CONTROLS.items():
+        fields = [of.get(f"{name}_{part}", "") for part in parts]
+        values[argument] = np.full((length, len(fields)), np.nan)
+        for column, field in enumerate(fields):
+            if units.get(field) in known:
+                values[argument][:, column] = columns[field]
+    present = ~np.isnan(np.concatenate(list(values.values()), axis=1)).all(axis=1)
+    if not present.any():
+        return []
+    rows = _times(columns) | values
+    return [{name: column[present] for name, column in rows.items()}]
 
 
 def _hubs(columns: _Columns) -> list[_Columns]:

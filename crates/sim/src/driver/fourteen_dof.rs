@@ -112,7 +112,8 @@ impl FourteenDof {
             stiffness_scale: commands.stiffness_scale[wheel],
         };
         let tyre = &self.parameters.corners[wheel].tyre;
-        tyre.forces(&contact).aligning_n_m
+        tyre.forces_on(wheel.is_multiple_of(2), &contact)
+            .aligning_n_m
     }
 
     fn position_m(&self) -> [f64; 3] {

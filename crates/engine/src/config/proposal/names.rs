@@ -48,11 +48,13 @@ const UPPER: &[&str] = &["upper", "upr", "top"];
 const LOWER: &[&str] = &["lower", "lwr", "low", "bottom"];
 
 /// Strain channels; bending before axial, which has fewer words.
-const CHANNELS: [Value; 10] = [
+const CHANNELS: [Value; 12] = [
     ("lower_front_bending", &[LOWER, &["front"], &["bending"]]),
     ("lower_rear_bending", &[LOWER, &["rear"], &["bending"]]),
     ("lower_front_bending", &[&["bending"], LOWER, &["front"]]),
     ("lower_rear_bending", &[&["bending"], LOWER, &["rear"]]),
+    ("strut_side_x", &[&["strut"], &["side"], &["x"]]),
+    ("strut_side_y", &[&["strut"], &["side"], &["y"]]),
     ("upper_front", &[UPPER, &["front"]]),
     ("upper_rear", &[UPPER, &["rear"]]),
     ("lower_front", &[LOWER, &["front"]]),

@@ -212,6 +212,31 @@ fn a_signal_has_one_role_and_a_measurement_all_of_its_parts() {
     assert!(error.contains("no DBC file has a message \"N\""), "{error}");
 }
 
+/// The bridges of a MacPherson strut's tube have names of their own beside those of an upper arm.
+#[test]
+fn the_bridges_of_a_strut_have_two_names() {
+    let fr = Wheel::FrontRight;
+    for (name, channel) in [
+        ("strut_side_x", StrainChannel::UpperFront),
+        ("upper_front", StrainChannel::UpperFront),
+        ("strut_side_y", StrainChannel::UpperRear),
+        ("upper_rear", StrainChannel::UpperRear),
+    ] {
+        let table = format!("strain.FR.{name} = \"M.s0\"");
+        let found = roles(&["count"], &table, "").expect(name);
+        assert_eq!(found, [Role::Strain(fr, channel, StrainUnit::Counts)]);
+        let error = roles(&["mm"], &table, "").expect_err(name);
+        let told = format!("the role strain.FR.{name} needs counts");
+        assert!(error.contains(&told), "{error}");
+    }
+    let both = "strain.FR.strut_side_x = \"M.s0\"\nstrain.FR.upper_front = \"M.s1\"";
+    let error = roles(&["count", "count"], both, "").expect_err("one channel twice");
+    assert!(
+        error.contains("strain.FR.upper_front is the same channel"),
+        "{error}"
+    );
+}
+
 /// Strain in V needs the excitation, which a chain that is given by its calibration does not have.
 #[test]
 fn a_unit_that_the_sensors_file_does_not_convert_is_refused() {

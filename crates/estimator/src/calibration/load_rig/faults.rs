@@ -13,6 +13,8 @@ pub struct WiringFault {
     pub channel: StrainChannel,
     /// What it is.
     pub kind: WiringKind,
+    /// Whether the corner has a MacPherson strut, on which channels have other names.
+    pub is_strut: bool,
 }
 
 /// What is wrong with a channel's wiring.
@@ -36,7 +38,11 @@ pub enum WiringKind {
 
 impl fmt::Display for WiringFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {} ", self.wheel, self.channel.name())?;
+        let name = |channel: StrainChannel| match channel.strut_name() {
+            Some(name) if self.is_strut => name,
+            _ => channel.name(),
+        };
+        write!(f, "{} {} ", self.wheel, name(self.channel))?;
         match self.kind {
             WiringKind::Inverted => write!(
                 f,
@@ -45,7 +51,7 @@ impl fmt::Display for WiringFault {
             WiringKind::Swapped(other) => write!(
                 f,
                 "reads {}: its plug is in the wrong place; it is called dead until that is mended",
-                other.name()
+                name(other)
             ),
             WiringKind::Bending => write!(
                 f,

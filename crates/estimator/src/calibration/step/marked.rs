@@ -121,8 +121,9 @@ pub(super) fn load_rig(
     let found = load_rig::load_rig(&first.vehicle, &first.sensors, known, &loads)?;
     let mut findings = found.findings;
     for (wheel, channel, sensitivity) in found.sensitivity {
+        let channel = first.vehicle.channel_name(wheel, channel);
         for (axis, value) in ["F_x", "F_y", "F_z"].into_iter().zip(sensitivity) {
-            let name = format!("{wheel} {} to {axis}", channel.name());
+            let name = format!("{wheel} {channel} to {axis}");
             findings
                 .beside
                 .push((name, 1e3 * value, "counts/kN".to_owned()));

@@ -91,14 +91,16 @@ impl<V: PerWheelValues> Contacts<V> for AnyContacts<'_, V> {
         let load_n = load_n.list();
         let (tangent, ratio) = (self.wheels.tangent.list(), self.wheels.ratio.list());
         let forces = each(|i| {
-            self.parameters.axle(i).tyre.forces(&Contact {
+            let contact = Contact {
                 load_n: load_n[i],
                 slip_tangent: tangent[i],
                 slip_ratio: ratio[i],
                 camber_rad: V::Number::from(0.0),
                 friction_scale: self.inputs.friction_scale[i],
                 stiffness_scale: self.inputs.stiffness_scale[i],
-            })
+            };
+            let tyre = &self.parameters.axle(i).tyre;
+            tyre.forces_on(i.is_multiple_of(2), &contact)
         });
         let along = V::of(each(|i| forces[i].longitudinal_n));
         let across = V::of(each(|i| forces[i].lateral_n));

@@ -9,7 +9,7 @@ use super::{CornerParameters, Inputs, Parameters, State};
 use crate::Scalar;
 use crate::chassis::form::Form;
 use crate::scalar::{each, sin_cos};
-use crate::tyre::{Brush, Contact, OnSurface, saturated, steady_slip, tread_moment};
+use crate::tyre::{Brush, Contact, Forces, OnSurface, saturated, steady_slip, tread_moment};
 
 /// How the tyres are asked for their forces.
 pub(super) trait Tyres<T> {
@@ -22,6 +22,14 @@ pub(super) trait Tyres<T> {
         slip_ratio: T,
         camber_rad: T,
     ) -> [T; 3];
+
+    /// Overturning moment and size of the rolling resistance moment, N m, of a wheel with a load (N), a
+    /// camber angle (rad), forces as above and a speed (m/s); `None` for what the tyre itself does not
+    /// give.
+    #[inline(always)]
+    fn moments(&self, _: usize, _: [T; 2], _: [T; 3], _: T) -> [Option<T>; 2] {
+        [None, None]
+    }
 }
 
 /// Tyres of any kind, through [`Tyre::forces`](crate::tyre::Tyre::forces).
@@ -33,15 +41,38 @@ pub(super) struct AnyTyres<'a, T> {
 impl<T: Scalar> Tyres<T> for AnyTyres<'_, T> {
     #[inline]
     fn force(&self, wheel: usize, load_n: T, slip_tangent: T, slip_ratio: T, lean: T) -> [T; 3] {
-        let forces = self.parameters.corners[wheel].tyre.forces(&Contact {
+        let contact = Contact {
             load_n,
             slip_tangent,
             slip_ratio,
             camber_rad: lean,
             friction_scale: self.inputs.friction_scale[wheel],
             stiffness_scale: self.inputs.stiffness_scale[wheel],
-        });
+        };
+        let tyre = &self.parameters.corners[wheel].tyre;
+        let forces = tyre.forces_on(wheel.is_multiple_of(2), &contact);
         [forces.longitudinal_n, forces.lateral_n, forces.aligning_n_m]
+    }
+
+    #[inline]
+    fn moments(
+        &self,
+        wheel: usize,
+        [load_n, camber_rad]: [T; 2],
+        [longitudinal_n, lateral_n, aligning_n_m]: [T; 3],
+        speed_m_s: T,
+    ) -> [Option<T>; 2] {
+        let contact = Contact {
+            camber_rad,
+            ..Contact::combined(load_n, T::from(0.0), T::from(0.0))
+        };
+        let forces = Forces {
+            longitudinal_n,
+            lateral_n,
+            aligning_n_m,
+        };
+        let tyre = &self.parameters.corners[wheel].tyre;
+        tyre.moments_on(wheel.is_multiple_of(2), &contact, &forces, speed_m_s)
     }
 }
 
@@ -271,15 +302,23 @@ fn wheel<T: Scalar, F: Form>(
     let [x, y, aligning] = tyres.force(i, load, slips[0], slips[1], inclination);
     let force = add(scale(up, load), add(scale(ahead, x), scale(left, y)));
     let turn = saturated(spin);
-    let rolling_moment = load * turn * (-corner.rolling_resistance * corner.rolling_radius_m);
+    let [overturning, resistance] =
+        tyres.moments(i, [load, inclination], [x, y, aligning], rolling);
+    let rolling_moment = match resistance {
+        Some(resistance) => -resistance * turn,
+        None => load * turn * (-corner.rolling_resistance * corner.rolling_radius_m),
+    };
     let torque =
         held.drive[i] - x * corner.rolling_radius_m + rolling_moment - held.brake[i] * turn;
-    let tipping = tread_moment(
-        corner.tread_width_m,
-        corner.vertical_stiffness_n_m,
-        load,
-        inclination * upright,
-    );
+    let tipping = match overturning {
+        Some(overturning) => -overturning,
+        None => tread_moment(
+            corner.tread_width_m,
+            corner.vertical_stiffness_n_m,
+            load,
+            inclination * upright,
+        ),
+    };
     let turned = sub(scale(up, aligning), scale(ahead, tipping));
     let moment = add(cross(sub(centre, reach), force), turned);
     // The body takes what drives and brakes the wheel, and turns the wheel's spin momentum.

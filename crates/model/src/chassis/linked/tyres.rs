@@ -3,10 +3,10 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::dynamics::CornerPlace;
-use super::{Inputs, Parameters, State};
+use super::{Corner, Inputs, Parameters, State};
 use crate::road::{Ground, GroundContact};
 use crate::tyre::{
-    Contact, relaxed_rate, rolling_resistance_n_m, saturated, steady_slip, tread_moment,
+    Contact, Forces, relaxed_rate, rolling_resistance_n_m, saturated, steady_slip, tread_moment,
 };
 
 /// A tyre on its ground. Vectors in vehicle axes.
@@ -62,21 +62,24 @@ impl TyreForces {
             (velocity + carrier_rate.cross(&foot)).dot(&left),
             i,
         );
-        let forces = corner.tyre.forces(&Contact {
+        let tyre_contact = Contact {
             load_n,
             slip_tangent: slips[0],
             slip_ratio: slips[1],
             camber_rad: math::asin(lean.clamp(-1.0, 1.0)),
             friction_scale: contact.friction,
             stiffness_scale: 1.0,
-        });
+        };
+        let forces = corner.tyre.forces_on(i.is_multiple_of(2), &tyre_contact);
         let spin = state.wheel_speed_rad_s[i] - carrier_rate.dot(&s);
-        let resistance = file.rolling_resistance + contact.resistance;
         let tilt = lean / upright;
-        let moment = Vector3::new(
-            -tread_moment(file.width_m, file.vertical_stiffness_n_m, load_n, tilt),
-            rolling_resistance_n_m(resistance, load_n, corner.rolling_radius_m, spin),
-            forces.aligning_n_m,
+        let moment = moment(
+            corner,
+            i,
+            &tyre_contact,
+            &forces,
+            contact.resistance,
+            [rolling, spin, tilt],
         );
         let force = Vector3::new(forces.longitudinal_n, forces.lateral_n, load_n);
         let axes = Matrix3::from_columns(&[ahead, left, normal]);
@@ -102,6 +105,33 @@ impl TyreForces {
             + across.dot(&self.carrier_rate)
             + about_spindle * wheel_speed_rad_s
     }
+}
+
+/// Moment of the ground on the tyre `i` about the contact point, contact frame, N m: `resistance` is the
+/// coefficient of soft ground; speed (m/s), spin (rad/s) and tangent of the inclination follow.
+fn moment(
+    corner: &Corner,
+    i: usize,
+    tyre_contact: &Contact<f64>,
+    forces: &Forces<f64>,
+    resistance: f64,
+    [rolling, spin, tilt]: [f64; 3],
+) -> Vector3<f64> {
+    let (file, load_n) = (&corner.tyre_file, tyre_contact.load_n);
+    let is_left = i.is_multiple_of(2);
+    let [overturning, own] = (corner.tyre).moments_on(is_left, tyre_contact, forces, rolling);
+    let by_ground = |coefficient: f64| {
+        rolling_resistance_n_m(coefficient, load_n, corner.rolling_radius_m, spin)
+    };
+    let tread = || tread_moment(file.width_m, file.vertical_stiffness_n_m, load_n, tilt);
+    Vector3::new(
+        overturning.unwrap_or_else(|| -tread()),
+        match own {
+            Some(own) => by_ground(resistance) - own * saturated(spin),
+            None => by_ground(file.rolling_resistance + resistance),
+        },
+        forces.aligning_n_m,
+    )
 }
 
 /// Drive and brake torque of one wheel.

@@ -1,30 +1,6 @@
-use super::{cosine, sine};
+use super::{Slopes, cosine, sine};
 use crate::Scalar;
 use crate::tyre::{Contact, Forces};
-
-macro_rules! coefficients {
-    ($(#[$doc:meta])* $name:ident { $($field:ident = $value:expr),* $(,)? }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq)]
-        #[expect(missing_docs, reason = "the names are those of the tyre property file")]
-        pub struct $name { $(pub $field: f64),* }
-
-        impl Default for $name {
-            fn default() -> Self {
-                Self { $($field: $value),* }
-            }
-        }
-
-        impl $name {
-            fn named(&mut self, name: &str) -> Option<&mut f64> {
-                match name {
-                    $(stringify!($field) => Some(&mut self.$field),)*
-                    _ => None,
-                }
-            }
-        }
-    };
-}
 
 coefficients! {
     /// Coefficients of pure longitudinal slip.
@@ -106,6 +82,17 @@ impl Default for MagicFormula52 {
 }
 
 impl MagicFormula52 {
+    /// Names of the coefficients, in lower case.
+    pub(in crate::tyre) fn names() -> impl Iterator<Item = &'static str> {
+        let groups = [
+            Longitudinal52::NAMES,
+            Lateral52::NAMES,
+            Combined52::NAMES,
+            Aligning52::NAMES,
+        ];
+        groups.into_iter().flatten().copied()
+    }
+
     /// The coefficient of a name in lower case, as property files have it (`pcx1`, `qhz4`); also
     /// `fnomin`, N, and `unloaded_radius`, m. `None` where there is none of that name.
     pub fn coefficient_mut(&mut self, name: &str) -> Option<&mut f64> {
@@ -133,6 +120,19 @@ struct Side<T> {
 }
 
 impl MagicFormula52 {
+    pub(in crate::tyre) fn slopes(&self, contact: &Contact<f64>) -> Slopes {
+        let excess = (contact.load_n - self.nominal_load_n) / self.nominal_load_n;
+        let side = self.side(contact, excess, 0.0);
+        let c = &self.lateral;
+        let lift = contact.load_n * (excess * c.pvy4 + c.pvy3);
+        Slopes {
+            slip: self.pull(contact, excess).1,
+            cornering: -side.stiffness,
+            camber: -(side.stiffness * c.phy3 + lift),
+            friction: side.friction.abs(),
+        }
+    }
+
     pub(in crate::tyre) fn forces<T: Scalar>(&self, contact: &Contact<T>) -> Forces<T> {
         let load = contact.load_n;
         let excess = (load - self.nominal_load_n) / self.nominal_load_n;
