@@ -72,14 +72,13 @@ impl TyreForces {
         };
         let forces = corner.tyre.forces_on(i.is_multiple_of(2), &tyre_contact);
         let spin = state.wheel_speed_rad_s[i] - carrier_rate.dot(&s);
-        let tilt = lean / upright;
         let moment = moment(
             corner,
             i,
             &tyre_contact,
             &forces,
             contact.resistance,
-            [rolling, spin, tilt],
+            [rolling, spin, lean / upright],
         );
         let force = Vector3::new(forces.longitudinal_n, forces.lateral_n, load_n);
         let axes = Matrix3::from_columns(&[ahead, left, normal]);
