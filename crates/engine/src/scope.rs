@@ -52,6 +52,14 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
     .collect();
     if lacks.is_empty() {
         let axle = without_points.first()?;
+        if vehicle.axle(Wheel::RearLeft).live_axle.is_some() && *axle == "rear" {
+            return Some(format!(
+                "the strain channels of the rear axle are not used, because the vehicle {} has a live axle on links: \
+                 the estimator has no model of its links, and the forces of its wheels follow from deflection, \
+                 inertial unit and the forces of the other axle",
+                vehicle.name
+            ));
+        }
         return Some(format!(
             "the strain channels of the {axle} axle are not used, because the vehicle {} has no hard-points of it: \
              the forces of its wheels follow from deflection, inertial unit and the forces of the other axle",

@@ -296,6 +296,7 @@ impl Params {
             strut: Some(linkage.strut()),
             wishbone: Some(points.wishbone()),
             macpherson: None,
+            live_axle: None,
             tyre: Tyre {
                 unloaded_radius_m: tyre.unloaded_radius_m,
                 vertical_stiffness_n_m: tyre.vertical_n_m,
