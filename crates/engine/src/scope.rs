@@ -35,7 +35,10 @@ pub fn limits(config: &Config) -> Vec<String> {
 pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
     let without_points: Vec<&str> = [("front", &vehicle.front), ("rear", &vehicle.rear)]
         .into_iter()
-        .filter_map(|(name, axle)| (!axle.has_hard_points()).then_some(name))
+        .filter_map(|(name, axle)| {
+            let is_known = axle.has_hard_points() || axle.live_axle.is_some();
+            (!is_known).then_some(name)
+        })
         .collect();
     let lacks: Vec<&str> = [
         (
@@ -52,14 +55,6 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
     .collect();
     if lacks.is_empty() {
         let axle = without_points.first()?;
-        if vehicle.axle(Wheel::RearLeft).live_axle.is_some() && *axle == "rear" {
-            return Some(format!(
-                "the strain channels of the rear axle are not used, because the vehicle {} has a live axle on links: \
-                 the estimator has no model of its links, and the forces of its wheels follow from deflection, \
-                 inertial unit and the forces of the other axle",
-                vehicle.name
-            ));
-        }
         return Some(format!(
             "the strain channels of the {axle} axle are not used, because the vehicle {} has no hard-points of it: \
              the forces of its wheels follow from deflection, inertial unit and the forces of the other axle",

@@ -205,12 +205,21 @@ pub struct Strut {
     pub design_length_m: f64,
     /// Damping c, N s/m.
     pub damping_n_s_m: f64,
+    /// Damping while the damper lengthens, N s/m; c is then the mean of both directions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rebound_damping_n_s_m: Option<f64>,
     /// Length at which the droop (rebound) stop touches, m.
     pub droop_stop_length_m: f64,
     /// Length at which the bump stop touches, m.
     pub bump_stop_length_m: f64,
     /// Stiffness of both stops, N/m.
     pub stop_stiffness_n_m: f64,
+    /// Stiffness of the bump stop as it touches, N/m, if it is another.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bump_stop_stiffness_n_m: Option<f64>,
+    /// Force of the bump stop for the square of the travel into it, N/m^2.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub bump_stop_progression_n_m2: f64,
     /// Damping of both stops, N s/m.
     #[serde(default)]
     pub stop_damping_n_s_m: f64,
@@ -266,6 +275,11 @@ pub struct Macpherson {
     pub strut_top_m: [f64; 3],
     /// Strut, lower end of spring and damper on the upright: a point of the strut's axis.
     pub strut_low_m: [f64; 3],
+    /// Part of the force along the lower arm's hinge that the front bushing takes, by the stiffness of both bushings
+    /// along it. Then the channels of the legs are axial forces near the bushings of an arm that is one piece. Without
+    /// it, each leg is taken for a rod between two joints.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hinge_front_share: Option<f64>,
     /// Tie rod (rear axle: toe link), end at the rack or chassis.
     pub tie_rod_inner_m: [f64; 3],
     /// Tie rod, end at the upright.
@@ -305,6 +319,10 @@ pub struct LiveAxle {
     pub cg_m: [f64; 3],
     /// Moments of inertia of the axle without its wheels about its own centre of gravity (roll, pitch, yaw), kg m^2.
     pub inertia_kg_m2: [f64; 3],
+    /// Stiffness of a link along its length, bushings in series, N/m: the mean of all. With it, the links' resistance to
+    /// roll (roll bind) is known; without it, they have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub link_stiffness_n_m: Option<f64>,
     /// Torque of both half-shafts over that of the propeller shaft, whose torque the axle reacts; without it, the axle
     /// has no propeller shaft.
     #[serde(default, skip_serializing_if = "Option::is_none")]

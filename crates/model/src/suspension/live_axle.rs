@@ -251,6 +251,13 @@ impl LinkedAxle {
         self.design_lengths_m
     }
 
+    /// Elongation of the links in a pose along their state of self-stress, m.
+    #[must_use]
+    pub fn bind_m(&self, pose: &LiveAxlePose) -> f64 {
+        let of_link = |i: usize| pose.line(&self.links[i]).1 - self.link_lengths_m[i];
+        (0..LINKS).map(|i| self.self_stress[i] * of_link(i)).sum()
+    }
+
     /// Links and springs.
     fn lines(&self) -> impl Iterator<Item = &AxleLine> {
         self.links.iter().chain(&self.springs)

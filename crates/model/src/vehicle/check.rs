@@ -418,6 +418,20 @@ fn stops(name: &str, strut: &Strut, found: &mut Vec<Contradiction>) {
             "the strut is shortest on the bump stop".into(),
         ));
     }
+    if let Some(rebound) = strut
+        .rebound_damping_n_s_m
+        .filter(|c| *c > 2.0 * strut.damping_n_s_m)
+    {
+        found.push((
+            format!("{name}.strut.rebound_damping_n_s_m"),
+            rebound.to_string(),
+            format!(
+                "is above twice the mean of both directions, damping_n_s_m = {}",
+                strut.damping_n_s_m
+            ),
+            "write the mean of compression and extension as damping_n_s_m".into(),
+        ));
+    }
 }
 
 #[cfg(test)]
@@ -537,6 +551,9 @@ mod tests {
         let (field, message) = of_rear("section_y_m = 0.585", "section_y_m = 0.785");
         assert_eq!(field, "rear.live_axle.section_y_m");
         assert!(message.contains("0.73"), "{message}");
+        let (field, message) = of_rear("damping_n_s_m = 2400.0", "damping_n_s_m = 1400.0");
+        assert_eq!(field, "rear.strut.rebound_damping_n_s_m");
+        assert!(message.contains("mean"), "{message}");
         let (field, _) = of_rear("section_y_m = 0.585\n", "");
         assert_eq!(field, "rear.live_axle.end_mass_kg rear.live_axle.end_cg_m");
         let (field, message) = of_rear("lower_arm_mass_kg = 0.0", "lower_arm_mass_kg = 4.0");

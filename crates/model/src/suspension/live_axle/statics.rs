@@ -17,7 +17,7 @@
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector6};
 
-use super::{LINKS, LinkedAxle, LiveAxlePose, wrench};
+use super::{LINKS, LinkedAxle, LiveAxlePose, self_stress, wrench};
 use crate::suspension::linkage::{Coordinates, PointPath};
 use crate::suspension::{BodyMotion, SuspensionError, TyreFrame};
 use crate::vehicle::Unsprung;
@@ -100,13 +100,11 @@ impl LiveAxleStatics {
             unsprung,
             motion,
         };
-        let [still, left, right] = ACCELERATIONS;
-        let wholes = [still, left, right].map(|at| moving.whole(at));
-        let ends = [0, 1].map(|side| [still, left, right].map(|at| moving.end(side, at)));
+        let ends = [0, 1].map(|side| ACCELERATIONS.map(|at| moving.end(side, at)));
         Self {
             balance_from_tyre: frames.map(|frame| moved(&frame, origin_m)),
             balance_from_members: members,
-            balance_offset: beyond_first(wholes),
+            balance_offset: axle.inertia(pose, unsprung, motion),
             bending_from_tyre: [0, 1].map(|side| moving.bending(side, &frames[side])),
             bending_offset: ends.map(beyond_first),
         }
@@ -131,6 +129,16 @@ impl LiveAxleStatics {
             + right * of_right
     }
 
+    /// Forces of links and springs in the state of self-stress of this pose. Those of the links are a unit vector, in
+    /// the direction of the design position.
+    #[must_use]
+    pub fn self_stress(&self, axle: &LinkedAxle) -> SVector<f64, 7> {
+        let columns = self.balance_from_members.fixed_columns::<7>(0).into_owned();
+        let stress = self_stress(&columns);
+        let of_links = stress.fixed_rows::<LINKS>(0);
+        stress * (axle.self_stress.dot(&of_links).signum() / of_links.norm())
+    }
+
     /// Forces of links and springs for an outer wrench on the axle (about its origin, vehicle axes): those without
     /// a part along the state of self-stress of the links, which no outer wrench calls for.
     ///
@@ -151,6 +159,26 @@ impl LiveAxleStatics {
             what: "links and springs do not hold the live axle",
         })?;
         Ok(-inverse.fixed_columns::<6>(0).into_owned())
+    }
+}
+
+impl LinkedAxle {
+    /// g, h_l and h_r: weight and inertia of axle and wheels with the torque of the propeller shaft, about the origin,
+    /// vehicle axes.
+    #[must_use]
+    pub fn inertia(
+        &self,
+        pose: &LiveAxlePose,
+        unsprung: &Unsprung,
+        motion: &LiveAxleMotion,
+    ) -> [Vector6<f64>; 3] {
+        let moving = Moving {
+            axle: self,
+            pose,
+            unsprung,
+            motion,
+        };
+        beyond_first(ACCELERATIONS.map(|at| moving.whole(at)))
     }
 }
 

@@ -32,6 +32,7 @@ fn springs_have_their_lengths_and_links_keep_theirs_but_for_self_stress() {
         });
         let along = axle.self_stress * axle.self_stress.dot(&elongations);
         assert!((elongations - along).norm() < 1e-11, "{elongations}");
+        assert!((axle.bind_m(&pose).abs() - along.norm()).abs() < 1e-11);
         bind_m = bind_m.max(along.norm());
     }
     // Roll binds the links of this axle.
