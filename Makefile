@@ -87,13 +87,14 @@ kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each cos
 fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole of it)
 	@scripts/fuzz
 
-campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator? Damage to a log: is all of the rest saved? Forces of all truth runs, seeds 1 to 4 (target/forces.md, target/forces-compact.md, target/forces-second.md)
+campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator? Damage to a log: is all of the rest saved? Forces of all truth runs, seeds 1 to 4 (target/forces.md, target/forces-compact.md, target/forces-second.md, target/forces-second-links.md)
 	$(CARGO) test --locked -p atvrec-estimator --test suite -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec --test suite campaign_of -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec-store --test suite campaign_of -- --ignored --nocapture
 	$(CARGO) build --locked --release -p atvrec
 	scripts/score-runs -o target/forces.md --compact target/forces-compact.md ../shared/data/truth/[bcdf]_*.parquet ../shared/data/truth-rough/*.parquet
 	scripts/score-runs --vehicle testdata/second-vehicle-plain.toml --sensors thesis-10bit -o target/forces-second.md ../shared/data/truth-second/[fr]*_a.parquet
+	scripts/score-runs --vehicle second-vehicle --sensors second-vehicle-10bit,second-vehicle-16bit -o target/forces-second-links.md ../shared/data/truth-second/[fr]*_a.parquet
 
 golden: ## Write the golden estimates again (testdata/golden); review the difference
 	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-estimator --test suite golden::

@@ -35,7 +35,10 @@ pub fn limits(config: &Config) -> Vec<String> {
 pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
     let without_points: Vec<&str> = [("front", &vehicle.front), ("rear", &vehicle.rear)]
         .into_iter()
-        .filter_map(|(name, axle)| (!axle.has_hard_points()).then_some(name))
+        .filter_map(|(name, axle)| {
+            let is_known = axle.has_hard_points() || axle.live_axle.is_some();
+            (!is_known).then_some(name)
+        })
         .collect();
     let lacks: Vec<&str> = [
         (

@@ -3,12 +3,13 @@
 
 mod length;
 mod linkage;
+mod live_axle;
 mod steering_wheel;
 mod tilt;
 mod travel;
 
 use model::suspension::{
-    BodyMotion, Corner, CornerPose, CornerStatics, GroundPlane, TyreFrame, ground_plane,
+    BodyMotion, CornerPose, CornerStatics, GroundPlane, TyreFrame, ground_plane,
 };
 use model::vehicle::Vehicle;
 use nalgebra::{Vector3, Vector6};
@@ -22,6 +23,8 @@ use crate::motion::MotionState;
 use crate::tuning::{CornerTuning, Tuning};
 
 use linkage::Linkage;
+use live_axle::AxleLinkage;
+pub use live_axle::LiveAxleState;
 use steering_wheel::SteeringWheel;
 use tilt::Tilt;
 pub use travel::Travel;
@@ -52,8 +55,19 @@ pub struct CornerState {
     pub travel_m_s: Vector3<f64>,
     /// Angular rate of the upright against the body by steering and travel, rad/s.
     pub turn_rad_s: Vector3<f64>,
-    /// Whether the linkage is known: then its strain channels measure the members.
-    pub is_linked: bool,
+    /// What is known of the linkage.
+    pub linkage: KnownLinkage,
+}
+
+/// What is known of the linkage of a wheel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KnownLinkage {
+    /// Nothing: its strain channels are not used.
+    None,
+    /// That of the corner: its strain channels measure the members.
+    Corner,
+    /// That of the live axle: the strain channels of both wheels measure the members of the axle.
+    LiveAxle,
 }
 
 /// Standard deviations of the axes in which a wheel's forces are given.
@@ -127,6 +141,10 @@ pub struct Corners {
     linkages: [Linkage; 4],
     states: [CornerState; 4],
     before: [CornerStatics; 4],
+    /// A live rear axle.
+    axle: Option<AxleLinkage>,
+    /// The live axle now and one step before.
+    axle_states: Option<[LiveAxleState; 2]>,
     normal: Vector3<f64>,
     /// Ground normal from the wheels' contact points at the last step.
     seen: Option<Vector3<f64>>,
@@ -152,7 +170,8 @@ impl Corners {
         deflection_sigma_m: f64,
         tuning: &Tuning,
     ) -> Result<Option<Self>, EstimatorError> {
-        if !vehicle.front.has_hard_points() && !vehicle.rear.has_hard_points() {
+        let axles = [&vehicle.front, &vehicle.rear];
+        if !(axles.iter()).any(|axle| axle.has_hard_points() || axle.live_axle.is_some()) {
             return Ok(None);
         }
         let mut linkages = Vec::with_capacity(4);
@@ -186,6 +205,8 @@ impl Corners {
         let Ok(states) = <[CornerState; 4]>::try_from(states) else {
             return Ok(None);
         };
+        let axle = AxleLinkage::new(vehicle)
+            .map_err(|error| EstimatorError::Suspension(error.to_string()))?;
         let steered = &linkages[0].corner;
         let rack_m_rad = vehicle.steering.rack_m_rad.filter(|_| steered.is_known());
         let rack_m_rad = rack_m_rad.unwrap_or_else(|| {
@@ -198,6 +219,8 @@ impl Corners {
             linkages,
             before: states.map(|state| state.statics),
             states,
+            axle,
+            axle_states: None,
             normal: Vector3::z(),
             seen: None,
             turn_over_ground: None,
@@ -214,9 +237,13 @@ impl Corners {
     /// The same corners under a vehicle whose mass properties have changed.
     pub fn load(&mut self, vehicle: &Vehicle) -> Result<(), EstimatorError> {
         for (linkage, wheel) in self.linkages.iter_mut().zip(Wheel::ALL) {
-            linkage.corner = Corner::of(vehicle, wheel)
+            linkage
+                .load(vehicle, wheel)
                 .map_err(|error| EstimatorError::Suspension(error.to_string()))?;
-            linkage.fallback_load_n = vehicle.static_load_n(wheel);
+        }
+        if let Some(axle) = &mut self.axle {
+            axle.load(vehicle)
+                .map_err(|error| EstimatorError::Suspension(error.to_string()))?;
         }
         self.cg_height_m = vehicle.body.cg_height_m;
         Ok(())
@@ -226,6 +253,12 @@ impl Corners {
     #[must_use]
     pub fn states(&self) -> &[CornerState; 4] {
         &self.states
+    }
+
+    /// A live axle now and one step before.
+    #[must_use]
+    pub fn live_axle(&self) -> Option<&[LiveAxleState; 2]> {
+        self.axle_states.as_ref()
     }
 
     /// The same corners on a vehicle on which a load pulls: force and moment about the centre of gravity, vehicle
@@ -334,6 +367,7 @@ impl Corners {
             let compression = &mut readings.corners.0[i].compression_m;
             linkage.measure(now, dt, rack, compression, feedback.struts[i]);
         }
+        self.place_axle();
         let load: [f64; 4] = std::array::from_fn(|i| {
             if load_n[i].is_finite() {
                 load_n[i].clamp(0.0, self.tuning.load_max * self.linkages[i].fallback_load_n)
@@ -366,7 +400,32 @@ impl Corners {
                 self.states[i] = state;
             }
         }
+        self.move_axle(&body);
         self.measure_tilt(now, dt, motion);
+    }
+
+    /// Places both wheels of a live axle by the lengths of its springs.
+    fn place_axle(&mut self) {
+        let Some(axle) = &mut self.axle else {
+            return;
+        };
+        let rear = &mut self.linkages[2..];
+        axle.place([0, 1].map(|side| rear[side].pose.strut_length_m));
+        for (side, linkage) in rear.iter_mut().enumerate() {
+            linkage.pose = axle.corner_pose(side, &linkage.pose);
+        }
+    }
+
+    /// Moves a live axle with the body. An axle with a singular map keeps its last state.
+    fn move_axle(&mut self, body: &BodyMotion) {
+        let Some(axle) = &self.axle else {
+            return;
+        };
+        let rates_m_s = [2, 3].map(|wheel| self.linkages[wheel].rate_m_s());
+        if let Ok(state) = axle.state(body, rates_m_s, &mut self.states[2..]) {
+            let before = self.axle_states.map_or(state, |[now, _]| now);
+            self.axle_states = Some([state, before]);
+        }
     }
 
     /// Motion of the body, with which the unsprung masses move; `up` is the vertical in vehicle axes.
@@ -461,7 +520,7 @@ impl Corners {
     pub fn on_paths(mut self, hubs: &PerWheel<Option<HubSensor>>) -> Self {
         for (linkage, wheel) in self.linkages.iter_mut().zip(Wheel::ALL) {
             linkage.on_path = true;
-            linkage.hub = hubs[wheel];
+            linkage.hub = hubs[wheel].filter(|_| linkage.known != KnownLinkage::LiveAxle);
         }
         self
     }
@@ -477,7 +536,8 @@ impl Corners {
         let slopes = Vector3::new(self.leaning[0], self.leaning[1], 0.0);
         let state = &self.states[wheel.index()];
         let frame = state.frame.vehicle_from_tyre;
-        let [unknown_steer_rad, inclination_rad] = match state.is_linked {
+        let is_known = state.linkage != KnownLinkage::None;
+        let [unknown_steer_rad, inclination_rad] = match is_known {
             true => [0.0; 2],
             false => self.tuning.unknown_rad,
         };
@@ -487,7 +547,7 @@ impl Corners {
         };
         FrameErrors {
             slopes: [0, 1].map(|axis| frame.column(axis).dot(&slopes)),
-            steer_rad: if state.is_linked {
+            steer_rad: if is_known {
                 zero_rad
             } else {
                 math::hypot(zero_rad, unknown_steer_rad)

@@ -48,6 +48,7 @@ mod joint;
 mod lag;
 pub mod layout;
 mod lengths;
+mod live_axle;
 mod moments;
 mod process;
 mod propagation;
@@ -57,10 +58,12 @@ use model::sensors::StrainChain;
 use model::suspension::CornerStatics;
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
-use sample::{ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, TyreForce, WheelAxes};
+use sample::{
+    ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, TyreForce, Wheel, WheelAxes,
+};
 
 use crate::calibration::{CornerChannels, HubSensor};
-use crate::corners::CornerState;
+use crate::corners::{CornerState, LiveAxleState};
 use crate::feedback::{BodyMotionEstimate, StrutEstimate};
 use crate::gaussian::{Gaussian, within};
 use crate::innovation::InnovationTally;
@@ -84,6 +87,7 @@ use layout::{
     State, TORQUE,
 };
 use lengths::LengthWatch;
+use live_axle::AxleForms;
 use moments::KnownMoment;
 use process::{accel_noise, tipping_noise, torque_noise};
 
@@ -116,6 +120,8 @@ pub struct Fusion {
     strain_lag: [[Lag; StrainChannel::COUNT]; 4],
     hub_lag: [[Lag; 3]; 4],
     hubs: [Option<HubSensor>; 4],
+    /// Wheels of a live axle.
+    live: [bool; 4],
     /// Length, m, and rate, m/s, of each strut at the next step.
     moved: [[f64; 2]; 4],
     body_motion: Option<BodyMotionEstimate>,
@@ -167,6 +173,8 @@ pub struct StepInput<'a> {
     pub imu_sigma: [f64; 2],
     /// Axes of the inertial unit that are used.
     pub used: UsedAxes,
+    /// A live axle now and a step before.
+    pub axle: Option<&'a [LiveAxleState; 2]>,
     /// Roll and pitch rate of the body over the ground, rad/s, in place of gyros that are not used.
     pub turn_over_ground: Option<[f64; 2]>,
 }
@@ -216,6 +224,8 @@ struct StepModel {
     /// The tyres' moments that belong to the forces of the last step.
     known: [KnownMoment; 4],
     forms: [CornerForms; 4],
+    /// Of a live axle.
+    axle: Option<AxleForms>,
     balance: Balance,
 }
 
@@ -278,7 +288,11 @@ impl Fusion {
             length_measured: [false; 4],
             strain_lag: Default::default(),
             hub_lag: Default::default(),
-            hubs: hubs.0,
+            hubs: std::array::from_fn(|wheel| {
+                let is_live = vehicle.axle(Wheel::ALL[wheel]).live_axle.is_some();
+                hubs.0[wheel].filter(|_| !is_live)
+            }),
+            live: Wheel::ALL.map(|wheel| vehicle.axle(wheel).live_axle.is_some()),
             moved: [[0.0; 2]; 4],
             body_motion: None,
             ahead: BodyMotionEstimate::default(),
@@ -350,8 +364,14 @@ impl Fusion {
         }
         self.blind = false;
         self.length_measured = [false; 4];
+        let of_axle = model.axle.as_ref().map(|axle| axle.wheels);
         for wheel in 0..4 {
-            self.take_corner(input, &model, wheel, readings, changes);
+            if of_axle.is_none_or(|wheels| !wheels.contains(&wheel)) {
+                self.take_corner(input, &model, wheel, readings, changes);
+            }
+        }
+        if let Some(axle) = &model.axle {
+            self.take_axle(input, axle, readings, changes);
         }
         for wheel in 0..4 {
             if std::mem::take(&mut self.suspected[wheel]) {
@@ -417,11 +437,17 @@ impl Fusion {
         let speed_m_s = input.motion.velocity_m_s.x;
         let known =
             std::array::from_fn(|wheel| self.known_moment(wheel, &input.corners[wheel], speed_m_s));
-        let forms = std::array::from_fn(|wheel| self.forms(input, wheel, &known[wheel].moment_n_m));
+        let mut forms =
+            std::array::from_fn(|wheel| self.forms(input, wheel, &known[wheel].moment_n_m));
+        let axle = self.axle_forms(input, &known, &forms);
+        if let Some(axle) = &axle {
+            axle.couple(&mut forms);
+        }
         StepModel {
             balance: self.balance(input, &known, &forms),
             known,
             forms,
+            axle,
         }
     }
 
@@ -435,7 +461,7 @@ impl Fusion {
 
     /// Length, m, and rate, m/s, of a strut `dt` ahead.
     fn strut_ahead(&self, model: &StepModel, wheel: usize, dt: f64) -> [f64; 2] {
-        let acceleration = model.forms[wheel].acceleration.value(wheel, &self.state);
+        let acceleration = model.forms[wheel].acceleration_m_s2(wheel, &self.state);
         let [length, rate] = [LENGTH, SPEED].map(|at| 1e-3 * self.state[at + wheel]);
         [
             length + dt * (rate + 0.5 * dt * acceleration),

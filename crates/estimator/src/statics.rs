@@ -10,7 +10,7 @@ use nalgebra::Vector6;
 use sample::{ForceSource, LogTime, StrainChannel, TyreForce};
 
 use crate::calibration::CornerChannels;
-use crate::corners::CornerState;
+use crate::corners::{CornerState, KnownLinkage};
 use crate::inputs::CornerReadings;
 use crate::tuning::StaticsTuning;
 
@@ -65,7 +65,7 @@ pub fn tyre_force(
         rolling_radius_m: assumed.rolling_radius_m,
     };
     if alive >= 3
-        && state.is_linked
+        && state.linkage == KnownLinkage::Corner
         && let Some(found) = state.statics.wrench_with_parity(&members, &sigma, &parity)
     {
         let variance = found.covariance.diagonal();

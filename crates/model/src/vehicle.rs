@@ -152,6 +152,9 @@ pub struct Axle {
     /// Hard-points of the left corner's MacPherson strut.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub macpherson: Option<Macpherson>,
+    /// Hard-points of a solid axle on links, which is not steered: of the rear axle only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub live_axle: Option<LiveAxle>,
     /// Tyre of one corner.
     pub tyre: Tyre,
 }
@@ -205,12 +208,21 @@ pub struct Strut {
     pub design_length_m: f64,
     /// Damping c, N s/m.
     pub damping_n_s_m: f64,
+    /// Damping while the damper lengthens, N s/m; c is then the mean of both directions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rebound_damping_n_s_m: Option<f64>,
     /// Length at which the droop (rebound) stop touches, m.
     pub droop_stop_length_m: f64,
     /// Length at which the bump stop touches, m.
     pub bump_stop_length_m: f64,
     /// Stiffness of both stops, N/m.
     pub stop_stiffness_n_m: f64,
+    /// Stiffness of the bump stop as it touches, N/m, if it is another.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bump_stop_stiffness_n_m: Option<f64>,
+    /// Force of the bump stop for the square of the travel into it, N/m^2.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub bump_stop_progression_n_m2: f64,
     /// Damping of both stops, N s/m.
     #[serde(default)]
     pub stop_damping_n_s_m: f64,
@@ -266,14 +278,72 @@ pub struct Macpherson {
     pub strut_top_m: [f64; 3],
     /// Strut, lower end of spring and damper on the upright: a point of the strut's axis.
     pub strut_low_m: [f64; 3],
+    /// Part of the force along the lower arm's hinge that the front bushing takes, by the stiffness of both bushings
+    /// along it. Then the channels of the legs are axial forces near the bushings of an arm that is one piece. Without
+    /// it, each leg is taken for a rod between two joints.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hinge_front_share: Option<f64>,
     /// Tie rod (rear axle: toe link), end at the rack or chassis.
     pub tie_rod_inner_m: [f64; 3],
     /// Tie rod, end at the upright.
     pub tie_rod_outer_m: [f64; 3],
 }
 
+/// A solid axle on two lower links, two upper links and a Panhard rod, axle frame, design position. Points of the left
+/// side, which the right side mirrors; those of the Panhard rod as they are. `[rear.unsprung]` has the half of the
+/// axle without wheels as `upright_mass_kg`, and no arms. `[rear.strut]` has the spring and its bump stop by their
+/// lengths, and the damper and the droop stop along the damper: `droop_stop_length_m` is a length of the damper.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LiveAxle {
+    /// Wheel centre, m.
+    pub wheel_centre_m: [f64; 3],
+    /// Lower link, end at the body, m.
+    pub lower_link_body_m: [f64; 3],
+    /// Lower link, end at the axle, m.
+    pub lower_link_axle_m: [f64; 3],
+    /// Upper link, end at the body, m.
+    pub upper_link_body_m: [f64; 3],
+    /// Upper link, end at the axle, m.
+    pub upper_link_axle_m: [f64; 3],
+    /// Panhard rod, end at the body, m.
+    pub panhard_body_m: [f64; 3],
+    /// Panhard rod, end at the axle, m.
+    pub panhard_axle_m: [f64; 3],
+    /// Spring, end at the body, m.
+    pub spring_body_m: [f64; 3],
+    /// Spring, end at the axle, m.
+    pub spring_axle_m: [f64; 3],
+    /// Damper, end at the body, m.
+    pub damper_body_m: [f64; 3],
+    /// Damper, end at the axle, m.
+    pub damper_axle_m: [f64; 3],
+    /// Centre of gravity of the axle without its wheels, m.
+    pub cg_m: [f64; 3],
+    /// Moments of inertia of the axle without its wheels about its own centre of gravity (roll, pitch, yaw), kg m^2.
+    pub inertia_kg_m2: [f64; 3],
+    /// Stiffness of a link along its length, bushings in series, N/m: the mean of all. With it, the links' resistance to
+    /// roll (roll bind) is known; without it, they have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub link_stiffness_n_m: Option<f64>,
+    /// Torque of both half-shafts over that of the propeller shaft, whose torque the axle reacts; without it, the axle
+    /// has no propeller shaft.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub final_drive_ratio: Option<f64>,
+    /// Distance from the middle plane of the sections of the axle tubes that have bending gauges, outboard of links,
+    /// springs and dampers, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub section_y_m: Option<f64>,
+    /// Mass of the axle outboard of a section, without the wheel, kg; 0 if it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end_mass_kg: Option<f64>,
+    /// Centre of gravity of this part, m; halfway between section and wheel centre if it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end_cg_m: Option<[f64; 3]>,
+}
+
 impl Axle {
-    /// Whether the file tells the linkage by hard-points.
+    /// Whether the file tells the linkages of both corners, each by itself, by hard-points.
     #[must_use]
     pub fn has_hard_points(&self) -> bool {
         self.wishbone.is_some() || self.macpherson.is_some()

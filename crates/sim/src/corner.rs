@@ -230,6 +230,10 @@ impl Corner {
         let [uf, ur, lf, lr, tie] = wheel.link_force_n;
         // The ball-joint force normal to the arm bends both lower tubes, each by one half.
         let moment = wheel.ball_normal_n * self.gauge_distance_m / 2.0;
+        let [vertical, horizontal] = wheel.tube_bending_n_m;
+        if vertical.is_finite() && horizontal.is_finite() {
+            return [uf, ur, lf, lr, tie, vertical, horizontal];
+        }
         [uf, ur, lf, lr, tie, moment, moment]
     }
 }

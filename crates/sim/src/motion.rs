@@ -4,7 +4,7 @@ mod wheel;
 use model::road::RoadClass;
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use sample::{ForceFrame, ForceSource, PerWheel, TyreForce, Wheel};
+use sample::{ForceFrame, ForceSource, PerWheel, TyreForce};
 
 use crate::SimError;
 use crate::linkage::{Linkage, struts_alone};
@@ -79,6 +79,9 @@ pub struct WheelTruth {
     pub lower_ball_m: [f64; 3],
     /// The part of that force that is normal to the lower arm's plane, upward positive, N.
     pub ball_normal_n: f64,
+    /// Bending moments of the tube of a live axle at its section about the axle's x and z axes, of the outboard part
+    /// on the rest, N m.
+    pub tube_bending_n_m: [f64; 2],
     /// The wheel on its ground, if the motion tells it.
     pub ground: Option<WheelGround>,
     /// How the wheel moves over the earth, if the motion tells it.
@@ -100,6 +103,7 @@ impl Default for WheelTruth {
             lower_ball_force_n: [f64::NAN; 3],
             lower_ball_m: [f64::NAN; 3],
             ball_normal_n: f64::NAN,
+            tube_bending_n_m: [f64::NAN; 2],
             ground: None,
             motion: None,
         }
@@ -281,6 +285,7 @@ impl WheelTruth {
             lower_ball_force_n: mix(&a.lower_ball_force_n, &b.lower_ball_force_n, weight),
             lower_ball_m: mix(&a.lower_ball_m, &b.lower_ball_m, weight),
             ball_normal_n: l(a.ball_normal_n, b.ball_normal_n),
+            tube_bending_n_m: mix(&a.tube_bending_n_m, &b.tube_bending_n_m, weight),
             ground: (a.ground.as_ref().zip(b.ground.as_ref()))
                 .map(|(a, b)| WheelGround::between(a, b, weight)),
             motion: (a.motion.as_ref().zip(b.motion.as_ref()))
@@ -529,15 +534,16 @@ impl Motion {
         Ok(())
     }
 
-    /// Whether every state tells the axial forces of all links.
+    /// Whether every state tells the axial forces of all links: of a double wishbone, of a MacPherson strut, or of both
+    /// links of a live axle.
     #[must_use]
     pub fn has_link_forces(&self) -> bool {
         self.states.iter().all(|state| {
-            Wheel::ALL.iter().all(|&wheel| {
-                state.wheels[wheel]
-                    .link_force_n
-                    .iter()
-                    .all(|f| f.is_finite())
+            state.wheels.0.iter().all(|wheel| {
+                let [upper, _, lower, ..] = wheel.link_force_n;
+                let is_live = wheel.tube_bending_n_m.iter().all(|m| m.is_finite());
+                wheel.link_force_n.iter().all(|f| f.is_finite())
+                    || is_live && upper.is_finite() && lower.is_finite()
             })
         })
     }

@@ -5,6 +5,7 @@
 
 mod csv_table;
 mod ground;
+mod members;
 #[cfg(feature = "parquet")]
 mod parquet_table;
 mod substitute;
@@ -45,7 +46,7 @@ const REQUIRED: [&str; 14] = [
 const REQUIRED_OF_WHEEL: [&str; 5] = ["omega[rad/s]", "Fx[N]", "Fy[N]", "Fz[N]", "spring_len[m]"];
 
 /// Columns of the whole vehicle that are used where they are found.
-const OPTIONAL: [&str; 14] = [
+const OPTIONAL: [&str; 15] = [
     "X[m]",
     "Y[m]",
     "Z[m]",
@@ -60,10 +61,11 @@ const OPTIONAL: [&str; 14] = [
     "hitch_Fx[N]",
     "hitch_Fy[N]",
     "hitch_Fz[N]",
+    "panhard_T[N]",
 ];
 
 /// Columns of each wheel that are used where they are found.
-const OPTIONAL_OF_WHEEL: [&str; 51] = [
+const OPTIONAL_OF_WHEEL: [&str; 63] = [
     "Mx[Nm]",
     "My[Nm]",
     "Mz[Nm]",
@@ -115,6 +117,18 @@ const OPTIONAL_OF_WHEEL: [&str; 51] = [
     "ma_hub_z[N]",
     "ground_z[m]",
     "kappa[-]",
+    "LCA_legF_N[N]",
+    "LCA_legB_N[N]",
+    "strut_side_Fx[N]",
+    "strut_side_Fy[N]",
+    "strut_side_Fz[N]",
+    "strut_dir_x[-]",
+    "strut_dir_y[-]",
+    "strut_dir_z[-]",
+    "lower_T[N]",
+    "upper_T[N]",
+    "sec_Mx[Nm]",
+    "sec_Mz[Nm]",
 ];
 
 impl Motion {
@@ -335,8 +349,8 @@ fn states(columns: &Columns) -> Vec<TruthState> {
     states
 }
 
-fn wheel_truth(wheel: Wheel, get: impl Fn(&str) -> f64) -> WheelTruth {
-    let get = |name: &str| get(&format!("{}_{name}", wheel.abbreviation()));
+fn wheel_truth(wheel: Wheel, whole: impl Fn(&str) -> f64) -> WheelTruth {
+    let get = |name: &str| whole(&format!("{}_{name}", wheel.abbreviation()));
     WheelTruth {
         force_n: ["Fx[N]", "Fy[N]", "Fz[N]"].map(get),
         moment_n_m: ["Mx[Nm]", "My[Nm]", "Mz[Nm]"].map(get),
@@ -346,17 +360,11 @@ fn wheel_truth(wheel: Wheel, get: impl Fn(&str) -> f64) -> WheelTruth {
         longitudinal_slip: get("kappa[-]"),
         friction: get("mu[-]"),
         strut_length_m: get("spring_len[m]"),
-        link_force_n: [
-            "UCA_tubeF_T[N]",
-            "UCA_tubeB_T[N]",
-            "LCA_tubeF_T[N]",
-            "LCA_tubeB_T[N]",
-            "tierod_T[N]",
-        ]
-        .map(get),
+        link_force_n: members::axial_n(wheel, get, &whole),
         lower_ball_force_n: ["LCA_ball_Fx[N]", "LCA_ball_Fy[N]", "LCA_ball_Fz[N]"].map(get),
         lower_ball_m: ["lbj_x[m]", "lbj_y[m]", "lbj_z[m]"].map(get),
         ball_normal_n: f64::NAN,
+        tube_bending_n_m: ["sec_Mx[Nm]", "sec_Mz[Nm]"].map(get),
         ground: None,
         motion: None,
     }

@@ -296,6 +296,7 @@ impl Params {
             strut: Some(linkage.strut()),
             wishbone: Some(points.wishbone()),
             macpherson: None,
+            live_axle: None,
             tyre: Tyre {
                 tir: None,
                 unloaded_radius_m: tyre.unloaded_radius_m,
@@ -340,6 +341,9 @@ impl Linkage {
             free_length_m: self.spring_free_length_m,
             design_length_m: self.design_length_m,
             damping_n_s_m: self.damper_n_s_m,
+            rebound_damping_n_s_m: None,
+            bump_stop_stiffness_n_m: None,
+            bump_stop_progression_n_m2: 0.0,
             droop_stop_length_m: self.rebound_stop_length_m,
             bump_stop_length_m: self.bump_stop_length_m,
             stop_stiffness_n_m: self.rebound_stop_k,

@@ -273,3 +273,51 @@ fn a_vehicle_without_linkages_has_forces_from_its_inertial_unit() {
         assert!(error < most, "{worst:?}");
     }
 }
+
+/// MacPherson struts in front and a live axle on links in the rear: struts, arms, links, Panhard rod and the bending
+/// bridges of the axle tubes give the forces of each wheel.
+#[test]
+fn a_vehicle_with_a_live_axle_has_forces_from_its_links() {
+    let Some(truth) = testkit::shared("data/truth-second/f1_slalom_a.parquet") else {
+        return;
+    };
+    for (sensors, largest) in [
+        ("second-vehicle-16bit", [2.0, 2.5, 2.2]),
+        ("second-vehicle-10bit", [2.5, 3.0, 2.2]),
+    ] {
+        let directory = tempfile::tempdir().expect("a directory");
+        let assert = atvrec(directory.path())
+            .args([
+                "simulate",
+                "--output",
+                "drive.mcap",
+                "--for",
+                "15",
+                "--truth",
+            ])
+            .arg(&truth)
+            .args(["--vehicle", "second-vehicle", "--sensors", sensors])
+            .assert()
+            .success();
+        drop(assert);
+        let reader = Reader::open([directory.path().join("drive.mcap")]).expect("the log opens");
+        let last = reader.estimates().last().expect("estimates").expect("one");
+        for wheel in Wheel::ALL {
+            assert_eq!(last.measured[wheel].source, ForceSource::Fusion);
+        }
+        let assert = atvrec(directory.path())
+            .args(["score", "drive.mcap", "--json"])
+            .assert()
+            .success();
+        let score: Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+        let forces = score["forces"].as_array().expect("forces");
+        let carrier = forces.iter().find(|f| f["frame"] == "wheel_carrier");
+        let worst = &carrier.expect("the wheel-carrier frame")["worst_percent"];
+        let worst = [0, 1, 2].map(|axis| worst[axis].as_f64().expect("a number"));
+        println!("{sensors}: {worst:.2?} %");
+        for (error, most) in worst.into_iter().zip(largest) {
+            assert!(error < most, "{sensors}: {worst:?}");
+        }
+        assert_eq!(score["channels"]["excluded_healthy"], serde_json::json!([]));
+    }
+}

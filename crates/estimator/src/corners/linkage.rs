@@ -9,9 +9,9 @@ use model::vehicle::{Strut, Unsprung, Vehicle};
 use nalgebra::Vector3;
 use sample::{LogTime, Wheel};
 
-use super::CornerState;
 use super::length::LengthFilter;
 use super::travel::{OnPath, Travel};
+use super::{CornerState, KnownLinkage};
 use crate::calibration::HubSensor;
 use crate::feedback::StrutEstimate;
 use crate::inputs::Reading;
@@ -35,6 +35,7 @@ pub(super) struct Linkage {
     pub(super) on_path: bool,
     pub(super) hub: Option<HubSensor>,
     pub(super) pose: CornerPose,
+    pub(super) known: KnownLinkage,
     pub(super) fallback_load_n: f64,
 }
 
@@ -67,6 +68,11 @@ impl Linkage {
             moved: None,
             on_path: false,
             hub: None,
+            known: match (&axle.live_axle, corner.is_known()) {
+                (Some(_), _) => KnownLinkage::LiveAxle,
+                (None, true) => KnownLinkage::Corner,
+                (None, false) => KnownLinkage::None,
+            },
             corner,
             strut: strut.clone(),
             unsprung: unsprung.clone(),
@@ -75,6 +81,22 @@ impl Linkage {
             pose,
             fallback_load_n: vehicle.static_load_n(wheel),
         }))
+    }
+
+    /// The same linkage under a vehicle whose mass properties have changed.
+    pub(super) fn load(&mut self, vehicle: &Vehicle, wheel: Wheel) -> Result<(), SuspensionError> {
+        if self.known == KnownLinkage::Corner {
+            self.corner = Corner::of(vehicle, wheel)?;
+        } else if let Some(corner) = Corner::straight(vehicle, wheel) {
+            self.corner = corner;
+        }
+        self.fallback_load_n = vehicle.static_load_n(wheel);
+        Ok(())
+    }
+
+    /// Rate of the strut's length, m/s.
+    pub(super) fn rate_m_s(&self) -> f64 {
+        self.moved.unwrap_or_else(|| self.length.value())[1]
     }
 
     /// Takes a reading of the potentiometer and places the linkage at `now`, `dt` after the last call.
@@ -166,7 +188,7 @@ impl Linkage {
         };
         let length = length + self.design_shift_m();
         let stiffness = self.strut.stiffness_at(length);
-        let damping = self.strut.damping_n_s_m;
+        let damping = self.strut.damping_at(rate);
         Ok(CornerState {
             pose: *pose,
             frame,
@@ -184,7 +206,7 @@ impl Linkage {
             spin_dot_rad_s2: spin_dot,
             travel_m_s: motion.wheel_travel_m_s,
             turn_rad_s: motion.upright_rate_rad_s - body.rate_rad_s,
-            is_linked: self.corner.is_known(),
+            linkage: self.known,
         })
     }
 }

@@ -156,7 +156,7 @@ impl Linkage {
             length_m,
             rate_m_s,
             stiffness_n_m: strut.stiffness_at(spring_m),
-            damping_n_s_m: strut.damping_n_s_m
+            damping_n_s_m: strut.damping_at(rate_m_s)
                 + if stopped {
                     strut.stop_damping_n_s_m
                 } else {

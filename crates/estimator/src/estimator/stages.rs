@@ -210,6 +210,7 @@ impl Estimator {
                 imu_m: self.calibration.imu_m,
                 imu_sigma: self.imu_sigma,
                 used: self.monitors.inertial.used(),
+                axle: corners.live_axle(),
                 turn_over_ground: corners.turn_over_ground(),
             };
             let forces = fusion.step(&input, &mut self.readings, &mut |change| {

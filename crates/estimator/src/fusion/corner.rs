@@ -4,8 +4,10 @@ use sample::{InnovationKind, StrainChannel};
 
 use super::forms::{AT_LENGTH, Back, CornerForms, Form, MEASURED, measured_states};
 use super::joint::{Joint, NO_OWN, Rows};
+use super::lag::Unlagged;
 use super::layout::{FORCE, HUB_BIAS, LENGTH_ERROR, OFFSET};
 use super::{Change, ChannelChange, Fusion, StepInput, StepModel};
+use crate::corners::KnownLinkage;
 use crate::gaussian::within;
 use crate::inputs::{Reading, Readings};
 use crate::statics::AXIAL;
@@ -18,27 +20,69 @@ const STRAIN: usize = 1;
 const HUB: usize = STRAIN + StrainChannel::COUNT;
 
 /// Measurements of one corner with a new reading.
-struct CornerMeasurements {
-    rows: CornerRows,
-    length: Option<RowMeasurement>,
-    strain: [Option<RowMeasurement>; StrainChannel::COUNT],
+pub(super) struct CornerMeasurements {
+    pub(super) places: Places,
+    pub(super) length: Option<RowMeasurement>,
+    pub(super) strain: [Option<RowMeasurement>; StrainChannel::COUNT],
     hub: [Option<RowMeasurement>; 3],
     /// Number of axial channels with a recent reading.
-    alive: usize,
+    pub(super) alive: usize,
+    /// Whether the channels tell the forces of this wheel apart from those of others.
+    pub(super) is_split: bool,
+}
+
+/// Rows of the measurements of a wheel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Places {
+    /// Of the potentiometer.
+    pub(super) length: usize,
+    /// Of each strain channel.
+    pub(super) strain: [usize; StrainChannel::COUNT],
+    /// Of the hub accelerometer's first axis.
+    pub(super) hub: usize,
+}
+
+/// Rows of a corner by itself.
+const ALONE: Places = Places {
+    length: LENGTH_ROW,
+    strain: [
+        STRAIN,
+        STRAIN + 1,
+        STRAIN + 2,
+        STRAIN + 3,
+        STRAIN + 4,
+        STRAIN + 5,
+        STRAIN + 6,
+    ],
+    hub: HUB,
+};
+
+impl CornerMeasurements {
+    /// Nothing is measured yet.
+    pub(super) fn none(places: Places) -> Self {
+        Self {
+            places,
+            length: None,
+            strain: [None; StrainChannel::COUNT],
+            hub: [None; 3],
+            alive: 0,
+            is_split: true,
+        }
+    }
 }
 
 /// Measured value of a row.
 #[derive(Clone, Copy)]
-struct RowMeasurement {
-    value: f64,
+pub(super) struct RowMeasurement {
+    pub(super) value: f64,
     /// Variance of the converter's noise.
-    variance: f64,
+    pub(super) variance: f64,
     /// Standard deviation of the model, which is adapted.
-    tolerance: f64,
+    pub(super) tolerance: f64,
 }
 
-/// Fewest axial channels with a recent reading that measure the forces of a corner.
-const STRAINED: usize = 4;
+/// Fewest axial channels with a recent reading that measure the forces of a corner or of a live axle.
+pub(super) const STRAINED: usize = 4;
 
 impl Fusion {
     /// Takes the new readings of one corner.
@@ -50,8 +94,8 @@ impl Fusion {
         readings: &mut Readings,
         changes: &mut impl FnMut(ChannelChange),
     ) {
-        let mut measured = self.measure_corner(input, &model.forms[wheel], wheel, readings);
-        let mut joint = self.covariance.project(&measured.rows, &self.state);
+        let (mut measured, rows) = self.measure_corner(input, &model.forms[wheel], wheel, readings);
+        let mut joint = self.covariance.project(&rows, &self.state);
         let strained = measured.alive >= STRAINED;
         if strained && self.leaps(&joint, &measured) {
             measured.length = None;
@@ -65,16 +109,17 @@ impl Fusion {
         };
         if let Some(z) = event {
             self.surprise(wheel, z);
-            joint = self.covariance.project(&measured.rows, &self.state);
+            joint = self.covariance.project(&rows, &self.state);
         }
         if let Some(length) = measured.length {
             // Without strain, only the balances of the whole vehicle contradict a potentiometer: one relation.
             let alone = strained && limit.is_finite();
-            self.take_length(&mut joint, &length, wheel, limit, alone);
+            self.take_length(&mut joint, (LENGTH_ROW, &length), wheel, limit, alone);
         }
         for channel in StrainChannel::ALL {
             if let Some(strain) = measured.strain[channel.index()] {
-                self.take_channel(&mut joint, &strain, wheel, channel, limit);
+                let m = STRAIN + channel.index();
+                self.take_channel(&mut joint, (m, &strain), wheel, channel, limit);
             }
         }
         for (axis, hub) in measured.hub.into_iter().enumerate() {
@@ -85,8 +130,7 @@ impl Fusion {
                 }
             }
         }
-        self.covariance
-            .apply(&measured.rows, &joint, &mut self.state);
+        self.covariance.apply(&rows, &joint, &mut self.state);
         if !strained {
             self.blind = true;
             self.take_expected(input, wheel);
@@ -100,7 +144,7 @@ impl Fusion {
         forms: &CornerForms,
         wheel: usize,
         readings: &mut Readings,
-    ) -> CornerMeasurements {
+    ) -> (CornerMeasurements, CornerRows) {
         let mut rows = CornerRows::new(measured_states(wheel));
         let mut length = None;
         if let Some(read) = input.corners[wheel].length_read {
@@ -109,21 +153,74 @@ impl Fusion {
             form.gains[AT_LENGTH] = 1.0;
             let form = forms.ago(&form, Back::at(age));
             rows.set(LENGTH_ROW, form.gains, (LENGTH_ERROR + wheel, -1.0));
-            let noise = 1e3 * input.channels.0[wheel].deflection.noise_sigma;
-            length = Some(RowMeasurement {
-                value: 1e3 * read.value - form.constant,
-                variance: noise * noise / f64::from(read.count),
-                tolerance: 0.0,
-            });
+            length = Some(self.length_measurement(input, wheel, &read, form.constant));
         }
         let (strain, alive) = self.measure_strain(input, forms, wheel, readings, &mut rows);
-        CornerMeasurements {
+        let measured = CornerMeasurements {
             length,
             strain,
             alive,
             hub: self.measure_hub(input, forms, wheel, readings, &mut rows),
-            rows,
+            ..CornerMeasurements::none(ALONE)
+        };
+        (measured, rows)
+    }
+
+    /// Measurement of a potentiometer whose form has this constant, mm.
+    pub(super) fn length_measurement(
+        &self,
+        input: &StepInput<'_>,
+        wheel: usize,
+        read: &Reading,
+        constant: f64,
+    ) -> RowMeasurement {
+        let noise = 1e3 * input.channels.0[wheel].deflection.noise_sigma;
+        RowMeasurement {
+            value: 1e3 * read.value - constant,
+            variance: noise * noise / f64::from(read.count),
+            tolerance: 0.0,
         }
+    }
+
+    /// A reading of a strain channel without its lag, and when it shows the signal.
+    pub(super) fn unlag(
+        &mut self,
+        input: &StepInput<'_>,
+        wheel: usize,
+        channel: usize,
+        reading: &Reading,
+    ) -> (Unlagged, Back) {
+        let unlagged = self.strain_lag[wheel][channel].invert(reading, self.lag_s);
+        let back = unlagged.delay.earlier(self.age_s(input, reading));
+        (unlagged, back)
+    }
+
+    /// Variance of the noise of a strain channel's reading.
+    pub(super) fn strain_noise(
+        &self,
+        input: &StepInput<'_>,
+        [wheel, channel]: [usize; 2],
+        unlagged: &Unlagged,
+    ) -> f64 {
+        let noise_sigma = input.channels.0[wheel].strain[channel].noise_sigma;
+        let bent = self.tuning.members.bend_part * unlagged.bend;
+        unlagged.noise * noise_sigma.powi(2) + bent * bent
+    }
+
+    /// Errors of the linkage's model on the force of a member: variance by the road, N^2, and the standard
+    /// deviation that is adapted, N.
+    pub(super) fn member_errors(
+        &self,
+        input: &StepInput<'_>,
+        wheel: usize,
+        force_n: f64,
+    ) -> (f64, f64) {
+        let t = self.tuning.members;
+        let n = &self.tuning.force_noise;
+        let posed = input.corners[wheel].strut_sigma_n.is_finite();
+        let road = self.force_noise.road(wheel);
+        let rough = n.road_member * n.road_member * road;
+        (rough, member_tolerance_n(posed, force_n, road, &t))
     }
 
     /// Measurements of the strain channels, and the number of axial channels with a recent reading.
@@ -137,12 +234,11 @@ impl Fusion {
     ) -> ([Option<RowMeasurement>; StrainChannel::COUNT], usize) {
         let t = self.tuning.members;
         let corner = &input.corners[wheel];
-        let posed = corner.strut_sigma_n.is_finite();
         // Each tube of the lower arm carries half of the ball-normal force, so its bending gauges
         // measure M = F_n d/2, independent of spring and damper.
         let arm = 0.5 * self.bending_distance_m;
         let mut alive = 0;
-        if !corner.is_linked {
+        if corner.linkage != KnownLinkage::Corner {
             return ([None; StrainChannel::COUNT], alive);
         }
         let strain = StrainChannel::ALL.map(|channel| {
@@ -155,8 +251,7 @@ impl Fusion {
             }
             let reading = *reading;
             let c = &input.channels.0[wheel].strain[i];
-            let unlagged = self.strain_lag[wheel][i].invert(&reading, self.lag_s);
-            let back = unlagged.delay.earlier(self.age_s(input, &reading));
+            let (unlagged, back) = self.unlag(input, wheel, i, &reading);
             let form = if axial {
                 forms.member(i, back.mean_s)
             } else {
@@ -173,13 +268,9 @@ impl Fusion {
                 NO_OWN
             };
             rows.set(STRAIN + i, form.gains, own);
-            let bent = t.bend_part * unlagged.bend;
-            let noise = unlagged.noise * c.noise_sigma.powi(2) + bent * bent;
+            let noise = self.strain_noise(input, [wheel, i], &unlagged);
             let (extra, tolerance) = if axial {
-                let n = &self.tuning.force_noise;
-                let rough = n.road_member * n.road_member * self.force_noise.road(wheel);
-                let road = self.force_noise.road(wheel);
-                (rough, member_tolerance_n(posed, unlagged.value, road, &t))
+                self.member_errors(input, wheel, unlagged.value)
             } else {
                 (c.offset_sigma.powi(2), arm * t.bending_sigma_n)
             };
@@ -236,7 +327,7 @@ impl Fusion {
     }
 
     /// Age of a reading, s.
-    fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
+    pub(super) fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
         input
             .now
             .seconds_since(reading.time)
@@ -245,7 +336,7 @@ impl Fusion {
 
     /// An event on the road: the forces of the wheel have changed by more than their noise tells. `z` is the
     /// largest normalised innovation.
-    fn surprise(&mut self, wheel: usize, z: f64) {
+    pub(super) fn surprise(&mut self, wheel: usize, z: f64) {
         let t = self.tuning;
         let part = (z / t.channels.gate_sigma).min(t.members.surprise_max);
         for (axis, sigma_n) in t.members.surprise_n.into_iter().enumerate() {
@@ -259,7 +350,7 @@ impl Fusion {
     /// Judges each strain channel by what the state before any reading of this step expects. Several
     /// channels that are outside their gates at once, potentiometer and hub accelerometer among them, show an
     /// event on the road: then returns the largest normalised innovation.
-    fn judge_channels(
+    pub(super) fn judge_channels(
         &mut self,
         joint: &Joint,
         measured: &CornerMeasurements,
@@ -273,7 +364,7 @@ impl Fusion {
         let squares = StrainChannel::ALL.map(|channel| {
             let i = channel.index();
             let strain = measured.strain[i]?;
-            let m = STRAIN + i;
+            let m = measured.places.strain[i];
             let health = &self.health[wheel][i];
             let own = health.model_variance(strain.tolerance, &t.channels);
             let doubt = t.members.gain_tolerance * strain.value;
@@ -283,13 +374,15 @@ impl Fusion {
         });
         let limit = t.channels.gate_sigma * t.channels.gate_sigma;
         let length = measured.length.map(|length| {
-            let innovation = length.value - joint.value(LENGTH_ROW);
-            innovation * innovation / (joint.variance(LENGTH_ROW) + length.variance)
+            let m = measured.places.length;
+            let innovation = length.value - joint.value(m);
+            innovation * innovation / (joint.variance(m) + length.variance)
         });
         let hubs = (0..3).map(|axis| {
             let hub = measured.hub[axis]?;
-            let innovation = hub.value - joint.value(HUB + axis);
-            Some(innovation * innovation / (joint.variance(HUB + axis) + hub.variance))
+            let m = measured.places.hub + axis;
+            let innovation = hub.value - joint.value(m);
+            Some(innovation * innovation / (joint.variance(m) + hub.variance))
         });
         let all = squares.into_iter().chain([length]).chain(hubs).flatten();
         let (mut outside, mut largest) = (0, 0.0_f64);
@@ -314,11 +407,12 @@ impl Fusion {
     }
 
     /// Whether the potentiometer has moved further than a strut can in a step.
-    fn leaps(&self, joint: &Joint, measured: &CornerMeasurements) -> bool {
+    pub(super) fn leaps(&self, joint: &Joint, measured: &CornerMeasurements) -> bool {
         let t = self.tuning;
         measured.length.is_some_and(|length| {
-            let apart_mm = (length.value - joint.value(LENGTH_ROW)).abs();
-            let variance = joint.variance(LENGTH_ROW) + length.variance;
+            let m = measured.places.length;
+            let apart_mm = (length.value - joint.value(m)).abs();
+            let variance = joint.variance(m) + length.variance;
             let is_far = apart_mm > t.potentiometers.leap_mm;
             is_far && !self.settling() && !within(t.members.jump_sigma, apart_mm, variance)
         })
@@ -326,17 +420,17 @@ impl Fusion {
 
     /// Takes a potentiometer. Several innovations that no strut makes are a jump of its level, if it is `alone`
     /// against sensors that agree with each other.
-    fn take_length(
+    pub(super) fn take_length(
         &mut self,
         joint: &mut Joint,
-        length: &RowMeasurement,
+        (m, length): (usize, &RowMeasurement),
         wheel: usize,
         limit: f64,
         alone: bool,
     ) {
         let t = self.tuning;
-        let innovation_mm = length.value - joint.value(LENGTH_ROW);
-        let z = self.take_limited(joint, LENGTH_ROW, length.value, length.variance, limit);
+        let innovation_mm = length.value - joint.value(m);
+        let z = self.take_limited(joint, m, length.value, length.variance, limit);
         if self.settling() {
             return;
         }
@@ -357,17 +451,16 @@ impl Fusion {
     }
 
     /// Takes one strain channel.
-    fn take_channel(
+    pub(super) fn take_channel(
         &mut self,
         joint: &mut Joint,
-        strain: &RowMeasurement,
+        (m, strain): (usize, &RowMeasurement),
         wheel: usize,
         channel: StrainChannel,
         limit: f64,
     ) {
         let t = self.tuning;
         let i = channel.index();
-        let m = STRAIN + i;
         let model = self.health[wheel][i].model_variance(strain.tolerance, &t.channels);
         let variance = strain.variance + model;
         let kind = if i < AXIAL.len() {
@@ -409,7 +502,7 @@ impl Fusion {
     /// Takes the vehicle model's forces where strain is missing: without strain the forces of one
     /// axle are not observable separately, and without a potentiometer neither are the loads of the
     /// diagonals.
-    fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
+    pub(super) fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
         let t = self.tuning.members;
         let posed = input.corners[wheel].strut_sigma_n.is_finite();
         let expected = input.expected.0[wheel].force_n;

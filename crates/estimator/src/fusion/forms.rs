@@ -9,11 +9,11 @@ use super::{Fusion, StepInput};
 /// States of one corner.
 pub(super) const CORNER: usize = 10;
 /// Positions among them, after the three forces.
-const AT_MOMENT: usize = 3;
+pub(super) const AT_MOMENT: usize = 3;
 pub(super) const AT_SPEED: usize = 5;
 pub(super) const AT_LENGTH: usize = 6;
-const AT_STRUT: usize = 7;
-const AT_TORQUE: usize = 8;
+pub(super) const AT_STRUT: usize = 7;
+pub(super) const AT_TORQUE: usize = 8;
 
 /// States of a corner's measurement rows: those of the corner, the forces one step before, and the
 /// load between the steps.
@@ -117,6 +117,8 @@ pub(super) struct CornerForms {
     pub(super) strut: Form,
     /// The strut's acceleration, m/s^2.
     pub(super) acceleration: Form,
+    /// What the other corner of a live axle adds to it.
+    pub(super) coupled: Option<Coupled>,
     /// Force that 1 m more of strut presses a tyre on the ground with less, N/m.
     pub(super) stiffness_n_m: f64,
     /// 1 for a tyre on the ground, 0 for a wheel in the air, by the load before the step.
@@ -125,7 +127,49 @@ pub(super) struct CornerForms {
     steps_back_max: f64,
 }
 
+/// How the other corner of a live axle moves a corner.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Coupled {
+    /// The other wheel.
+    pub(super) wheel: usize,
+    /// Gains of its states on the acceleration of this corner's spring.
+    pub(super) gains: [f64; CORNER],
+    /// Force that 1 m more of its spring presses this corner's tyre on the ground with less, N/m.
+    pub(super) stiffness_n_m: f64,
+}
+
+impl Coupled {
+    /// States and gains.
+    pub(super) fn terms(&self) -> impl Iterator<Item = (usize, f64)> {
+        corner_states(self.wheel).into_iter().zip(self.gains)
+    }
+}
+
+/// Gains of the states of a corner on a force, by its gains `m` of the wrench of the tyre about the contact point. The
+/// wheel turns freely on its spindle, so the balance is taken about the wheel's centre: the longitudinal force has no
+/// moment there but the spindle's. `left` is 1 for a left wheel, -1 for a right one.
+pub(super) fn wrench_gains(m: [f64; 6], arm: &Vector3<f64>, left: f64) -> [f64; CORNER] {
+    let mut gains = [0.0; CORNER];
+    gains[0] = m[0] - m[4] * arm.z;
+    gains[1] = m[1];
+    gains[2] = m[2] + m[4] * arm.x;
+    gains[AT_MOMENT] = m[3];
+    gains[AT_MOMENT + 1] = m[5];
+    gains[AT_TORQUE] = m[4];
+    gains[AT_TORQUE + 1] = left * m[4];
+    gains
+}
+
 impl CornerForms {
+    /// Acceleration of the strut of wheel `wheel` in a state, m/s^2.
+    pub(super) fn acceleration_m_s2(&self, wheel: usize, state: &[f64]) -> f64 {
+        let own = self.acceleration.value(wheel, state);
+        self.coupled.map_or(own, |coupled| {
+            let terms = coupled.terms().map(|(i, gain)| gain * state[i]);
+            own + terms.sum::<f64>()
+        })
+    }
+
     /// A form as it was before the instant. The forces lie between those of now and of one step before;
     /// the load bends from the line between them as the wheel's travel presses the tyre. The strut's
     /// acceleration lies between both steps' likewise.
@@ -183,8 +227,7 @@ impl Fusion {
         (now + before.min(0.0)).max(0.0)
     }
 
-    /// Forms of a corner. The wheel turns freely on its spindle, so the balance of the members is taken
-    /// about the wheel's centre: the longitudinal force has no moment there but the spindle's.
+    /// Forms of a corner.
     pub(super) fn forms(
         &self,
         input: &StepInput<'_>,
@@ -202,18 +245,10 @@ impl Fusion {
         let statics = [&corner.statics, &input.statics_before[wheel]];
         let members = std::array::from_fn(|i| {
             statics.map(|statics| {
-                let m = |k: usize| statics.members_from_wrench[(i, k)];
-                let mut gains = [0.0; CORNER];
-                gains[0] = m(0) - m(4) * arm.z;
-                gains[1] = m(1);
-                gains[2] = m(2) + m(4) * arm.x;
-                gains[AT_MOMENT] = m(3);
-                gains[AT_MOMENT + 1] = m(5);
-                gains[AT_TORQUE] = m(4);
-                gains[AT_TORQUE + 1] = left * m(4);
+                let m: [f64; 6] = std::array::from_fn(|k| statics.members_from_wrench[(i, k)]);
                 Form {
-                    gains,
-                    constant: statics.members_offset[i] + m(3) * known_n_m.x + m(5) * known_n_m.z,
+                    gains: wrench_gains(m, &arm, left),
+                    constant: statics.members_offset[i] + m[3] * known_n_m.x + m[5] * known_n_m.z,
                 }
             })
         });
@@ -233,6 +268,7 @@ impl Fusion {
             per_acceleration: travel.members,
             strut,
             acceleration,
+            coupled: None,
             touching,
             stiffness_n_m: self.body.tyres[wheel].vertical_stiffness_n_m
                 * corner.frame.normal().dot(&travel.path),

@@ -7,7 +7,7 @@ use crate::corners::CornerState;
 use crate::feedback::BodyMotionEstimate;
 use crate::gaussian::within;
 
-use super::forms::{CornerForms, corner_states};
+use super::forms::{CornerForms, Coupled, corner_states};
 use super::joint::{Joint, Rows};
 use super::layout::{ACCEL_BIAS, BALANCED, BODY_RATE, FORCE, MOMENT, RATE};
 use super::moments::KnownMoment;
@@ -99,7 +99,8 @@ impl Fusion {
                 for (sum, row) in [(&mut push, axis), (&mut moment, 3 + axis)] {
                     sum[axis].constant -= still[row] + unit[row] * acceleration.constant;
                     let states = corner_states(i).into_iter().zip(acceleration.gains);
-                    for (state, gain) in states {
+                    let of_other = forms[i].coupled.iter().flat_map(Coupled::terms);
+                    for (state, gain) in states.chain(of_other) {
                         sum[axis].gains[state] -= unit[row] * gain;
                     }
                 }

@@ -7,9 +7,9 @@ use super::layout::{
     ACCEL_BIAS, BEFORE, BETWEEN, BODY_RATE, FORCE, HUB_BIAS, LENGTH, LENGTH_ERROR, MOMENT, OFFSET,
     RATE, ROAD, SIZE, SPEED, STRUT, State, TORQUE,
 };
-use super::propagation::{Noises, Propagation};
+use super::propagation::{Moving, Noises, Propagation};
 use super::transition::Transition;
-use super::{CornerForms, Fusion, StepInput, StepModel, lengths};
+use super::{CornerForms, Fusion, StepInput, StepModel, lengths, live_axle};
 use crate::calibration::CornerChannels;
 use crate::feedback::BodyMotionEstimate;
 use crate::process_noise::ProcessNoise;
@@ -67,8 +67,8 @@ impl Fusion {
             variance[STRUT + wheel] = t.strut_sigma_n.powi(2);
             variance[LENGTH_ERROR + wheel] =
                 lengths::start_variance(&c.deflection, &t.potentiometers);
-            for i in 0..5 {
-                variance[OFFSET + 5 * wheel + i] = (c.strain[i].offset_sigma).powi(2);
+            for (i, sigma) in self.offset_sigmas(channels, wheel).into_iter().enumerate() {
+                variance[OFFSET + 5 * wheel + i] = sigma.powi(2);
             }
             for axis in 0..3 {
                 variance[HUB_BIAS + 3 * wheel + axis] =
@@ -103,22 +103,14 @@ impl Fusion {
             );
             added[index] = dt * turn.constant;
         }
-        let propagations: [Propagation; 4] = std::array::from_fn(|wheel| {
-            let forms = &model.forms[wheel];
-            let times_s = [self.tuning.load_rate_time_s, self.force_noise.road_time_s()];
-            Propagation::new(
-                wheel,
-                &forms.acceleration,
-                [forms.touching, 1e-3 * forms.touching * forms.stiffness_n_m],
-                times_s,
-                dt,
-            )
-        });
-        for (wheel, propagation) in propagations.iter().enumerate() {
-            for (index, terms, by) in propagation.rows() {
-                transition.mix(index, terms);
-                added[index] = by;
-            }
+        let propagations = self.propagations(model, dt);
+        for corner in propagations.corners.iter().flatten() {
+            corner.mix_into(&mut transition, &mut added);
+        }
+        if let Some(axle) = &propagations.axle {
+            axle.mix_into(&mut transition, &mut added);
+        }
+        for wheel in 0..4 {
             // The body's own acceleration presses the tyre, too.
             let stiffness = self.body.tyres[wheel].vertical_stiffness_n_m;
             added[RATE + 3 * wheel + 2] -= dt * stiffness * self.lifting_m_s2(input, wheel);
@@ -133,6 +125,34 @@ impl Fusion {
                 .note(|| Operation::Shift { index, by });
         }
         self.add_process_noise(input, model, &propagations, &gains);
+    }
+
+    /// Standard deviations of the offset states of a wheel.
+    fn offset_sigmas(&self, channels: &PerWheel<CornerChannels>, wheel: usize) -> [f64; 5] {
+        if self.live[wheel] {
+            live_axle::offset_sigmas(channels, wheel)
+        } else {
+            std::array::from_fn(|i| channels.0[wheel].strain[i].offset_sigma)
+        }
+    }
+
+    /// Propagations of the corners: of a live axle both together.
+    fn propagations(&self, model: &StepModel, dt: f64) -> Propagations {
+        let times_s = [self.tuning.load_rate_time_s, self.force_noise.road_time_s()];
+        let live = model.axle.as_ref().map(|axle| axle.wheels);
+        Propagations {
+            corners: std::array::from_fn(|wheel| {
+                let forms = &model.forms[wheel];
+                let pressing = [forms.touching, 1e-3 * forms.touching * forms.stiffness_n_m];
+                let moving = [Moving::alone(&forms.acceleration, pressing)];
+                let is_alone = live.is_none_or(|wheels| !wheels.contains(&wheel));
+                is_alone.then(|| Propagation::new([wheel], &moving, times_s, dt))
+            }),
+            axle: (model.axle.as_ref()).map(|axle| {
+                let moving = [0, 1].map(|side| axle.moving(side, &model.forms));
+                Propagation::new(axle.wheels, &moving, times_s, dt)
+            }),
+        }
     }
 
     /// Acceleration of the body at a wheel, against the ground's normal, m/s^2.
@@ -195,8 +215,11 @@ impl Fusion {
     /// grows by the speed with which the wheel falls.
     fn load_density(&self, forms: &CornerForms, wheel: usize, dt: f64) -> f64 {
         let n = self.tuning.force_noise;
-        let pressed_n_s = self.state[RATE + 3 * wheel + 2]
+        let mut pressed_n_s = self.state[RATE + 3 * wheel + 2]
             - 1e-3 * forms.stiffness_n_m * self.state[SPEED + wheel];
+        if let Some(coupled) = &forms.coupled {
+            pressed_n_s -= 1e-3 * coupled.stiffness_n_m * self.state[SPEED + coupled.wheel];
+        }
         let landing_n_s = n.air_part * pressed_n_s;
         let road = self.force_noise.road(wheel);
         let air = n.air_density + landing_n_s * landing_n_s * dt;
@@ -207,7 +230,7 @@ impl Fusion {
         &mut self,
         input: &StepInput<'_>,
         model: &StepModel,
-        propagations: &[Propagation; 4],
+        propagations: &Propagations,
         gains: &DecayGains,
     ) {
         let (t, dt) = (self.tuning, input.dt);
@@ -223,11 +246,11 @@ impl Fusion {
         let along = n.road_along * n.road_along;
         let [x, y, z] = rate;
         let road_time_s = self.force_noise.road_time_s();
-        for (wheel, propagation) in propagations.iter().enumerate() {
-            let road = self.force_noise.road(wheel);
-            let load = loads[wheel];
-            let noises = Noises {
-                force: [along * road, along * road, load],
+        let roads: [f64; 4] = std::array::from_fn(|wheel| self.force_noise.road(wheel));
+        let noises = |wheel: usize| {
+            let road = roads[wheel];
+            Noises {
+                force: [along * road, along * road, loads[wheel]],
                 rate: [
                     x,
                     y,
@@ -237,10 +260,21 @@ impl Fusion {
                 speed: 1e6
                     * (t.strut_rate_density * t.strut_rate_density
                         + n.road_strut_rate * n.road_strut_rate * road),
-            };
-            propagation.noise(&noises, dt, &mut |i, j, value| {
+            }
+        };
+        if let Some(axle) = &propagations.axle {
+            let of_axle = axle.wheels().map(noises);
+            axle.noise(&of_axle, dt, &mut |i, j, value| {
                 c.add_covariance(i, j, value)
             });
+        }
+        for wheel in 0..4 {
+            let road = roads[wheel];
+            if let Some(corner) = &propagations.corners[wheel] {
+                corner.noise(&[noises(wheel)], dt, &mut |i, j, value| {
+                    c.add_covariance(i, j, value)
+                });
+            }
             c.add_noise(BETWEEN + wheel, road * dt * n.road_between);
             let rough = n.road_moment_m * n.road_moment_m * road;
             for i in 0..2 {
@@ -267,6 +301,8 @@ impl Fusion {
     fn add_body_noise(&mut self, input: &StepInput<'_>, gains: &DecayGains) {
         let (t, dt) = (self.tuning, input.dt);
         let n = t.force_noise;
+        let offsets: [[f64; 5]; 4] =
+            std::array::from_fn(|wheel| self.offset_sigmas(input.channels, wheel));
         let c = &mut self.covariance;
         for axle in 0..2 {
             for (part, noise) in self.torque.iter().enumerate() {
@@ -279,14 +315,21 @@ impl Fusion {
             c.add_noise(BODY_RATE + axis, turn * turn * dt);
             c.add_noise(ACCEL_BIAS + axis, self.accel.density() * dt);
         }
-        for i in 0..20 {
-            let start = input.channels.0[i / 5].strain[i % 5].offset_sigma.powi(2);
+        for (i, sigma) in offsets.into_iter().flatten().enumerate() {
             c.add_noise(
                 OFFSET + i,
-                gains.offset * start + t.offset_walk_n.powi(2) * dt,
+                gains.offset * sigma.powi(2) + t.offset_walk_n.powi(2) * dt,
             );
         }
     }
+}
+
+/// Propagations of all corners.
+struct Propagations {
+    /// Of the corners that move by themselves.
+    corners: [Option<Propagation<1>>; 4],
+    /// Of a live axle.
+    axle: Option<Propagation<2>>,
 }
 
 /// Gains of the process noise that keeps decaying states at their variance.

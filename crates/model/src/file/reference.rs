@@ -48,6 +48,7 @@ const VEHICLE: File = File {
         ("front.strut", "Strut"),
         ("front.wishbone", "Wishbone"),
         ("front.macpherson", "Macpherson"),
+        ("rear.live_axle", "LiveAxle"),
         ("front.tyre", "Tyre"),
         ("steering", "Steering"),
         ("drivetrain", "Drivetrain"),

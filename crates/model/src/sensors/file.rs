@@ -43,6 +43,14 @@ const FILES: &[(&str, &str)] = &[
         "full-bridge-16bit-bending-500hz-hub",
         include_str!("../../sensors/full-bridge-16bit-bending-500hz-hub.toml"),
     ),
+    (
+        "second-vehicle-16bit",
+        include_str!("../../sensors/second-vehicle-16bit.toml"),
+    ),
+    (
+        "second-vehicle-10bit",
+        include_str!("../../sensors/second-vehicle-10bit.toml"),
+    ),
 ];
 
 const BRIDGES: Kind = Choice(&[

@@ -14,6 +14,7 @@
 //! contact frame about the contact point, and the member forces c.
 
 mod others;
+mod split_arm;
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 use sample::STANDARD_GRAVITY_M_S2;
@@ -22,6 +23,7 @@ use super::{Corner, CornerMotion, CornerPose, SuspensionError, TyreFrame};
 use crate::vehicle::{Axle, Unsprung};
 
 use others::straight_inertia;
+use split_arm::SplitArm;
 
 /// Force and moment that the ground exerts on a tyre, contact frame, about the contact point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -367,6 +369,8 @@ struct Arm {
     axis: Vector3<f64>,
     normal: Vector3<f64>,
     normal_moment: f64,
+    /// Of an arm in one piece on two bushings.
+    split: Option<SplitArm>,
 }
 
 impl Arm {
@@ -383,6 +387,7 @@ impl Arm {
             axis,
             normal,
             normal_moment: (ball - rear).cross(&normal).dot(&axis),
+            split: None,
         }
     }
 
@@ -410,12 +415,17 @@ fn arms(corner: &Corner, pose: &CornerPose) -> [Arm; 2] {
 
 fn lower_arm(corner: &Corner, pose: &CornerPose) -> Arm {
     let p = &corner.points;
-    Arm::new(
+    let arm = Arm::new(
         p.lower_front,
         p.lower_rear,
         corner.lower_axis,
         pose.lower_ball_m,
-    )
+    );
+    let split = corner.hinge_front_share.and_then(|share| {
+        let bushings = [p.lower_front, p.lower_rear];
+        SplitArm::new(bushings, pose.lower_ball_m, arm.normal, share)
+    });
+    Arm { split, ..arm }
 }
 
 /// Unit vector of the pull of an arm's leg on its ball joint.
@@ -451,6 +461,11 @@ fn known_wrench(
     }
     if sixth == ChannelKind::Strut {
         known += line(pose.lower_ball_m, -lower.normal) * lower_weight;
+    }
+    if let Some(split) = &lower.split {
+        let load = motion.lower_arm_specific_force_m_s2 * -unsprung.lower_arm_mass_kg;
+        let at_ball = split.at_ball(pose.lower_arm_cg_m, load);
+        known += stack(at_ball, (pose.lower_ball_m - contact).cross(&at_ball));
     }
     (known, lower_weight)
 }

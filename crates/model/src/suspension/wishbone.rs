@@ -40,6 +40,8 @@ pub struct Corner {
     /// Direction in which the rack moves for positive travel (that steers left): -1 towards -y
     /// (tie rods behind the king-pin), +1 towards +y (in front of it).
     pub rack_direction: f64,
+    /// Part of the force along the hinge of a MacPherson strut's arm that the front bushing takes, if the file has it.
+    pub(super) hinge_front_share: Option<f64>,
     /// Of the strut's end at the lower arm; of the lower ball joint under a MacPherson strut.
     strut_circle: Circle,
     guide: Guide,
@@ -255,7 +257,9 @@ impl Corner {
         })?;
         let has_upper_arm = axle.wishbone.is_some();
         points.check(has_upper_arm)?;
-        Ok(Self::from_points(points, has_upper_arm, wheel))
+        let mut corner = Self::from_points(points, has_upper_arm, wheel);
+        corner.hinge_front_share = (axle.macpherson.as_ref()).and_then(|arm| arm.hinge_front_share);
+        Ok(corner)
     }
 
     fn from_points(points: HardPoints, has_upper_arm: bool, wheel: Wheel) -> Self {
@@ -279,6 +283,7 @@ impl Corner {
             lower_axis,
             upper_axis,
             rack_direction: if lever.x < 0.0 { -1.0 } else { 1.0 },
+            hinge_front_share: None,
             strut_circle: Circle::new(
                 points.lower_rear,
                 lower_axis,

@@ -26,6 +26,10 @@ const FILES: &[(&str, &str)] = &[
         "prowler-chang",
         include_str!("../../vehicles/prowler-chang.toml"),
     ),
+    (
+        "second-vehicle",
+        include_str!("../../vehicles/second-vehicle.toml"),
+    ),
 ];
 
 impl Vehicle {

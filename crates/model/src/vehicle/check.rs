@@ -6,7 +6,7 @@ use std::path::Path;
 use sample::Wheel;
 
 use super::rules::SECTIONS;
-use super::{Axle, Macpherson, Strut, Vehicle, VehicleErrors, plain, tyre_file};
+use super::{Axle, LiveAxle, Macpherson, Strut, Vehicle, VehicleErrors, plain, tyre_file};
 use crate::file::rules::{self, Checked};
 
 /// Something in a vehicle file that is possible, but so rare that it is worth a second look.
@@ -303,6 +303,9 @@ fn axle(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
     if let Some(corner) = &axle.macpherson {
         macpherson(name, axle, corner, found);
     }
+    if let Some(live) = &axle.live_axle {
+        live_axle(name, axle, live, found);
+    }
 }
 
 fn left_hand(table: &str, points: &[(&str, [f64; 3])], found: &mut Vec<Contradiction>) {
@@ -356,6 +359,72 @@ fn macpherson(name: &str, axle: &Axle, corner: &Macpherson, found: &mut Vec<Cont
     }
 }
 
+fn live_axle(name: &str, axle: &Axle, live: &LiveAxle, found: &mut Vec<Contradiction>) {
+    let table = format!("{name}.live_axle");
+    if name == "front" {
+        found.push((
+            table.clone(),
+            String::new(),
+            "is a solid axle that is steered, for which there is no model".into(),
+            "leave the table out: the front axle is then one without a linkage".into(),
+        ));
+    }
+    if axle.has_hard_points() {
+        found.push((
+            table.clone(),
+            String::new(),
+            format!("and [{name}.wishbone] or [{name}.macpherson] describe the same axle"),
+            "keep the table of the linkage that the axle has".into(),
+        ));
+    }
+    left_hand(
+        &table,
+        &[
+            ("wheel_centre_m", live.wheel_centre_m),
+            ("lower_link_axle_m", live.lower_link_axle_m),
+            ("upper_link_axle_m", live.upper_link_axle_m),
+            ("spring_axle_m", live.spring_axle_m),
+            ("damper_axle_m", live.damper_axle_m),
+        ],
+        found,
+    );
+    triangle(&table, live.inertia_kg_m2, found);
+    let arms_kg = axle.unsprung.as_ref().map_or(0.0, |unsprung| {
+        unsprung.upper_arm_mass_kg + unsprung.lower_arm_mass_kg
+    });
+    if arms_kg > 0.0 {
+        found.push((
+            format!("{name}.unsprung.lower_arm_mass_kg"),
+            arms_kg.to_string(),
+            "with that of the upper arm, but a solid axle has no arms".into(),
+            "write 0.0 for both; half of the axle without its wheels is upright_mass_kg".into(),
+        ));
+    }
+    let [_, half_track_m, _] = live.wheel_centre_m;
+    if let Some(y_m) = live.section_y_m.filter(|y_m| *y_m >= half_track_m) {
+        found.push((
+            format!("{table}.section_y_m"),
+            y_m.to_string(),
+            format!("lies outboard of the wheel centre ({half_track_m})"),
+            "give the distance of the gauges on the tube from the middle plane".into(),
+        ));
+    }
+    let of_section = [
+        ("end_mass_kg", live.end_mass_kg.is_some()),
+        ("end_cg_m", live.end_cg_m.is_some()),
+    ];
+    for (field, _) in of_section.iter().filter(|(_, given)| *given) {
+        if live.section_y_m.is_none() {
+            found.push((
+                format!("{table}.{field}"),
+                String::new(),
+                "is of the part outboard of section_y_m, which is missing".into(),
+                "add section_y_m, or leave this field out".into(),
+            ));
+        }
+    }
+}
+
 fn stops(name: &str, strut: &Strut, found: &mut Vec<Contradiction>) {
     let (bump, design, droop) = (
         strut.bump_stop_length_m,
@@ -368,6 +437,20 @@ fn stops(name: &str, strut: &Strut, found: &mut Vec<Contradiction>) {
             design.to_string(),
             format!("does not lie between bump stop {bump} and droop stop {droop}"),
             "the strut is shortest on the bump stop".into(),
+        ));
+    }
+    if let Some(rebound) = strut
+        .rebound_damping_n_s_m
+        .filter(|c| *c > 2.0 * strut.damping_n_s_m)
+    {
+        found.push((
+            format!("{name}.strut.rebound_damping_n_s_m"),
+            rebound.to_string(),
+            format!(
+                "is above twice the mean of both directions, damping_n_s_m = {}",
+                strut.damping_n_s_m
+            ),
+            "write the mean of compression and extension as damping_n_s_m".into(),
         ));
     }
 }
@@ -472,6 +555,36 @@ mod tests {
         );
         assert!(field.contains("front.macpherson"), "{field}");
         assert!(message.contains("describe the same corner"), "{message}");
+    }
+
+    #[test]
+    fn points_of_a_live_axle_must_fit_the_axle() {
+        let text = Vehicle::builtin_text("second-vehicle").unwrap();
+        let of_rear = |from: &str, to: &str| {
+            let (front, rear) = text.split_at(text.find("[rear]").unwrap());
+            assert!(rear.contains(from), "{from}");
+            let errors = errors_of(&format!("{front}{}", rear.replacen(from, to, 1))).unwrap_err();
+            (fields(&errors).join(" "), errors.problems[0].to_string())
+        };
+        let (field, message) = of_rear("[0.05, 0.5, 0.272]", "[0.05, -0.5, 0.272]");
+        assert_eq!(field, "rear.live_axle.lower_link_axle_m");
+        assert!(message.contains("right-hand side"), "{message}");
+        let (field, message) = of_rear("section_y_m = 0.585", "section_y_m = 0.785");
+        assert_eq!(field, "rear.live_axle.section_y_m");
+        assert!(message.contains("0.73"), "{message}");
+        let (field, message) = of_rear("damping_n_s_m = 2400.0", "damping_n_s_m = 1400.0");
+        assert_eq!(field, "rear.strut.rebound_damping_n_s_m");
+        assert!(message.contains("mean"), "{message}");
+        let (field, _) = of_rear("section_y_m = 0.585\n", "");
+        assert_eq!(field, "rear.live_axle.end_mass_kg rear.live_axle.end_cg_m");
+        let (field, message) = of_rear("lower_arm_mass_kg = 0.0", "lower_arm_mass_kg = 4.0");
+        assert_eq!(field, "rear.unsprung.lower_arm_mass_kg");
+        assert!(message.contains("upright_mass_kg"), "{message}");
+        let live = &text[text.find("[rear.live_axle]").unwrap()..text.find("[rear.tyre]").unwrap()];
+        let steered = format!("{text}\n{}", live.replace("[rear.", "[front."));
+        let errors = errors_of(&steered).unwrap_err();
+        assert!(fields(&errors).contains(&"front.live_axle"), "{errors}");
+        assert!(errors.to_string().contains("no model"), "{errors}");
     }
 
     #[test]

@@ -187,6 +187,7 @@ fn axle(body: &Body, part: f64) -> Axle {
         strut: None,
         wishbone: None,
         macpherson: None,
+        live_axle: None,
         tyre: Tyre {
             tir: None,
             unloaded_radius_m: TYRE_RADIUS_M,

@@ -49,6 +49,10 @@ pub(crate) const SECTIONS: &[TableRules] = &[
         rules: MACPHERSON,
     },
     TableRules {
+        tables: &["front.live_axle", "rear.live_axle"],
+        rules: LIVE_AXLE,
+    },
+    TableRules {
         tables: &["front.tyre", "rear.tyre"],
         rules: TYRE,
     },
@@ -128,6 +132,7 @@ const AXLE: &[Rule] = &[
     may("strut", Table),
     may("wishbone", Table),
     may("macpherson", Table),
+    may("live_axle", Table),
     must("tyre", Table),
 ];
 
@@ -148,9 +153,12 @@ const STRUT: &[Rule] = &[
     must("free_length_m", Number(Positive(LENGTH))),
     must("design_length_m", Number(Positive(LENGTH))),
     must("damping_n_s_m", Number(NonNegative(STIFFNESS))),
+    may("rebound_damping_n_s_m", Number(NonNegative(STIFFNESS))),
     must("droop_stop_length_m", Number(Positive(LENGTH))),
     must("bump_stop_length_m", Number(Positive(LENGTH))),
     must("stop_stiffness_n_m", Number(Positive(1e10))),
+    may("bump_stop_stiffness_n_m", Number(Positive(1e10))),
+    may("bump_stop_progression_n_m2", Number(NonNegative(1e12))),
     may("stop_damping_n_s_m", Number(NonNegative(STIFFNESS))),
     may("motion_ratio", Number(Within(0.05, 2.0))),
 ];
@@ -176,8 +184,30 @@ const MACPHERSON: &[Rule] = &[
     must("lower_ball_m", POINT),
     must("strut_top_m", POINT),
     must("strut_low_m", POINT),
+    may("hinge_front_share", Number(Within(0.0, 1.0))),
     must("tie_rod_inner_m", POINT),
     must("tie_rod_outer_m", POINT),
+];
+
+const LIVE_AXLE: &[Rule] = &[
+    must("wheel_centre_m", POINT),
+    must("lower_link_body_m", POINT),
+    must("lower_link_axle_m", POINT),
+    must("upper_link_body_m", POINT),
+    must("upper_link_axle_m", POINT),
+    must("panhard_body_m", POINT),
+    must("panhard_axle_m", POINT),
+    must("spring_body_m", POINT),
+    must("spring_axle_m", POINT),
+    must("damper_body_m", POINT),
+    must("damper_axle_m", POINT),
+    must("cg_m", POINT),
+    must("inertia_kg_m2", Vector(3, Positive(1e6))),
+    may("link_stiffness_n_m", Number(Positive(1e10))),
+    may("final_drive_ratio", Number(Within(1.0, 20.0))),
+    may("section_y_m", Number(Positive(LENGTH))),
+    may("end_mass_kg", Number(NonNegative(MASS))),
+    may("end_cg_m", POINT),
 ];
 
 const TYRE: &[Rule] = &[

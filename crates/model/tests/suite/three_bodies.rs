@@ -44,6 +44,7 @@ fn axle() -> Axle {
         }),
         strut: None,
         macpherson: None,
+        live_axle: None,
         wishbone: Some(Wishbone {
             wheel_centre_m: [0.0, 0.6, 0.3],
             upper_front_m: [0.15, 0.22, 0.41],

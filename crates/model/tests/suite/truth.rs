@@ -3,6 +3,7 @@
 mod hanging;
 mod instant;
 mod kinematics;
+mod live_axle;
 mod rough;
 mod run;
 mod statics;

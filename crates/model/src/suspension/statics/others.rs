@@ -30,11 +30,15 @@ impl CornerStatics {
         );
         let (top, ball) = (pose.upper_ball_m, pose.lower_ball_m);
         let tie_rod = (pose.tie_rod_inner_m - pose.tie_rod_outer_m).normalize();
+        let [front, rear] = match &lower.split {
+            Some(split) => split.pulls(),
+            None => [p.lower_front, p.lower_rear].map(|hinge| pull(hinge, ball)),
+        };
         let columns = [
             (top, across[0]),
             (top, across[1]),
-            (ball, pull(p.lower_front, ball)),
-            (ball, pull(p.lower_rear, ball)),
+            (ball, front),
+            (ball, rear),
             (pose.tie_rod_outer_m, tie_rod),
             (pose.strut_arm_m, pose.strut_direction),
         ];

@@ -22,6 +22,7 @@ impl Corner {
             lower_axis: Vector3::x(),
             upper_axis: Vector3::x(),
             rack_direction: 1.0,
+            hinge_front_share: None,
             strut_circle: Circle::new(centre, Vector3::x(), centre, centre),
             guide: Guide::Straight(straight.path / -straight.motion_ratio),
             design: Upright::default(),

@@ -25,6 +25,7 @@ fn struts() -> [Corner; 2] {
         lower_ball_m: [0.012, 0.69, 0.235],
         strut_top_m: [-0.045, 0.56, 0.945],
         strut_low_m: [0.0, 0.584, 0.45],
+        hinge_front_share: None,
         tie_rod_inner_m: [0.158, 0.352, 0.2795],
         tie_rod_outer_m: [0.145, 0.702, 0.262],
     });

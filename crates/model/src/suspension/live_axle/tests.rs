@@ -1,0 +1,124 @@
+use nalgebra::Vector3;
+
+use super::*;
+use crate::suspension::linkage::Coordinates;
+
+fn axle() -> LinkedAxle {
+    let vehicle = Vehicle::builtin("second-vehicle").expect("ships with the project");
+    LinkedAxle::of(&vehicle).expect("a sound axle")
+}
+
+/// Lengths from the bump stops to the droop stops, in heave, roll and between.
+fn lengths(axle: &LinkedAxle) -> Vec<[f64; 2]> {
+    let [left, right] = axle.design_lengths_m();
+    let steps = [-0.07, -0.03, 0.0, 0.04, 0.08];
+    steps
+        .into_iter()
+        .flat_map(|l| steps.map(|r| [left + l, right + r]))
+        .collect()
+}
+
+#[test]
+fn springs_have_their_lengths_and_links_keep_theirs_but_for_self_stress() {
+    let axle = axle();
+    let mut bind_m = 0.0_f64;
+    for lengths_m in lengths(&axle) {
+        let pose = axle.pose(lengths_m).expect("within reach");
+        for (spring, length_m) in axle.springs.iter().zip(lengths_m) {
+            assert!((pose.line(spring).1 - length_m).abs() < 1e-11);
+        }
+        let elongations = SVector::<f64, LINKS>::from_fn(|i, _| {
+            pose.line(&axle.links[i]).1 - axle.link_lengths_m[i]
+        });
+        let along = axle.self_stress * axle.self_stress.dot(&elongations);
+        assert!((elongations - along).norm() < 1e-11, "{elongations}");
+        assert!((axle.bind_m(&pose).abs() - along.norm()).abs() < 1e-11);
+        bind_m = bind_m.max(along.norm());
+    }
+    // Roll binds the links of this axle.
+    assert!((1e-4..5e-3).contains(&bind_m), "{bind_m} m");
+}
+
+/// Central differences of poses over 2e-6 m.
+#[test]
+fn derivatives_match_differences() {
+    const STEP_M: f64 = 1e-5;
+    let axle = axle();
+    let point = axle.wheel_centres_m[0];
+    let mut worst = [0.0_f64; 2];
+    for [left, right] in lengths(&axle) {
+        let at = |dl: f64, dr: f64| axle.pose([left + dl, right + dr]).expect("within reach");
+        let pose = at(0.0, 0.0);
+        let path = pose.path_of(point);
+        for (first, [dl, dr]) in [[STEP_M, 0.0], [0.0, STEP_M]].into_iter().enumerate() {
+            let (after, before) = (at(dl, dr), at(-dl, -dr));
+            let slope = (after.point_m(point) - before.point_m(point)) / (2.0 * STEP_M);
+            let turn = (after.vehicle_from_axle - before.vehicle_from_axle)
+                * pose.vehicle_from_axle.transpose()
+                / (2.0 * STEP_M);
+            let turn = Vector3::new(turn[(2, 1)], turn[(0, 2)], turn[(1, 0)]);
+            let unit = Coordinates {
+                strut: f64::from(first == 0),
+                rack: f64::from(first == 1),
+            };
+            worst[0] = worst[0].max((path.travel.rate(unit) - slope).amax());
+            worst[0] = worst[0].max((path.rotation.rate(unit) - turn).amax());
+            let of = |pose: &LiveAxlePose| {
+                let path = pose.path_of(point);
+                [
+                    path.travel.by_strut,
+                    path.travel.by_rack,
+                    path.rotation.by_strut,
+                    path.rotation.by_rack,
+                ]
+            };
+            let (after, before) = (of(&after), of(&before));
+            let bends: [Vector3<f64>; 4] =
+                std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * STEP_M));
+            // The derivatives of a rotation do not commute: half of their commutator is beside the mean.
+            let half = path.rotation.by_strut.cross(&path.rotation.by_rack) * 0.5;
+            let (p, w) = (&path.travel, &path.rotation);
+            let exact = if first == 0 {
+                [
+                    p.by_strut_strut,
+                    p.by_strut_rack,
+                    w.by_strut_strut,
+                    w.by_strut_rack + half,
+                ]
+            } else {
+                [
+                    p.by_strut_rack,
+                    p.by_rack_rack,
+                    w.by_strut_rack - half,
+                    w.by_rack_rack,
+                ]
+            };
+            for (exact, found) in exact.into_iter().zip(bends) {
+                worst[1] = worst[1].max((exact - found).amax());
+            }
+        }
+    }
+    assert!(worst[0] < 1e-7, "first derivatives: {worst:?}");
+    assert!(worst[1] < 1e-6, "second derivatives: {worst:?}");
+}
+
+#[test]
+fn what_does_not_hold_the_axle_or_is_out_of_reach_is_an_error() {
+    let axle = axle();
+    let far = axle.pose([2.0, 0.27]).expect_err("out of reach");
+    assert!(far.to_string().contains("spring length = 2 m"), "{far}");
+    let mut vehicle = Vehicle::builtin("second-vehicle").expect("ships with the project");
+    let live = vehicle.rear.live_axle.as_mut().expect("a live axle");
+    live.panhard_axle_m = live.panhard_body_m;
+    let coincide = LinkedAxle::of(&vehicle).expect_err("no line");
+    assert!(coincide.to_string().contains("coincide"), "{coincide}");
+    let live = vehicle.rear.live_axle.as_mut().expect("a live axle");
+    // A Panhard rod along the axle's x does not hold it sideways.
+    live.panhard_axle_m = [0.6, 0.0, 0.3];
+    live.panhard_body_m = [-0.4, 0.0, 0.3];
+    live.lower_link_body_m[1] = live.lower_link_axle_m[1];
+    live.upper_link_body_m[1] = live.upper_link_axle_m[1];
+    live.spring_body_m[1] = live.spring_axle_m[1];
+    let loose = LinkedAxle::of(&vehicle).expect_err("free sideways");
+    assert!(loose.to_string().contains("do not hold"), "{loose}");
+}
