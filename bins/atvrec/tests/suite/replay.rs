@@ -348,12 +348,14 @@ fn measurements_stand_at_the_instant_when_they_were_true() {
     let directory = tempfile::tempdir().expect("a directory");
     let log = simulate(directory.path(), "drive.mcap", 1);
     let reader = Reader::open([&log]).expect("the log opens");
-    let selection = Selection::topics(["/imu/imu", "/gnss/novatel/velocity", "/truth/motion"]);
-    let (mut start, mut worst_imu_s, mut worst_velocity_s) = (None, 0.0_f64, 0.0_f64);
+    let mut truth = reader.messages(Selection::topics(["/truth/motion"]));
+    let first = truth.next().expect("a truth").expect("a message");
+    let start = first.log_time;
+    let selection = Selection::topics(["/imu/imu", "/gnss/novatel/velocity"]);
+    let [mut worst_imu_s, mut worst_velocity_s] = [0.0_f64; 2];
     let (mut imu, mut velocities) = (0, 0);
     for message in reader.messages(selection) {
         let message = message.expect("a message");
-        let start = *start.get_or_insert(message.log_time);
         let Some(Record::Sample(sample)) = message.record().expect("a record") else {
             continue;
         };
