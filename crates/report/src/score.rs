@@ -142,8 +142,11 @@ pub const LOW_PASS_HZ: [f64; 2] = [0.5, 45.0];
 /// the processor's cache.
 const TILE_PAIRS: usize = 32;
 
-/// What is compared at an instant: the estimate and the truth, which several outputs share.
-type Pair = (Box<Estimate>, Rc<Box<Estimate>>);
+/// An estimate that several outputs share. Its box comes from the reader and goes back to it without a copy.
+type SharedEstimate = Rc<Box<Estimate>>;
+
+/// What is compared at an instant: the estimate and the truth.
+type Pair = (Box<Estimate>, SharedEstimate);
 
 /// Several instants.
 type Pairs = Vec<Pair>;
@@ -246,7 +249,7 @@ fn contact_load_n(truth: &Estimate, wheel: Wheel) -> f64 {
     }
 }
 
-type TruthByTime = BTreeMap<LogTime, Rc<Box<Estimate>>>;
+type TruthByTime = BTreeMap<LogTime, SharedEstimate>;
 
 fn truth(reader: &Reader) -> Result<TruthByTime, ScoreError> {
     let mut truth = BTreeMap::new();

@@ -16,7 +16,7 @@ use super::signals::Signals;
 use super::surfaces::Surfaces;
 use super::{
     INTERVAL_S, LowPassedScore, PART_PAIRS, Pairs, SETTLING_S, Score, ScoreError, ScoreOptions,
-    TILE_PAIRS, channels, counts, static_loads,
+    SharedEstimate, TILE_PAIRS, channels, counts, static_loads,
 };
 
 /// Instants that wait for their counterpart at most: 41 s at 100 Hz.
@@ -32,8 +32,12 @@ pub(super) struct Pass<'a> {
     loads: PerWheel<f64>,
     start: Option<LogTime>,
     /// The last instants of the truth.
-    truth: BTreeMap<LogTime, Rc<Box<Estimate>>>,
+    truth: BTreeMap<LogTime, SharedEstimate>,
     /// Estimates and truths that were compared; their memory is used again.
+    #[expect(
+        clippy::vec_box,
+        reason = "the boxes are passed on without a copy of 3 kB"
+    )]
     spare: Vec<Box<Estimate>>,
     /// Of the stage, and of the estimates with a lag.
     outputs: [Output; 2],
@@ -76,7 +80,7 @@ impl Output {
     }
 
     /// Pairs the estimates whose truth is known, and leaves out those that have none.
-    fn pair(&mut self, truth: &BTreeMap<LogTime, Rc<Box<Estimate>>>, from: LogTime) {
+    fn pair(&mut self, truth: &BTreeMap<LogTime, SharedEstimate>, from: LogTime) {
         while let Some(first) = self.waiting.front() {
             let found = truth.get(&first.time);
             if found.is_none() && self.waiting.len() <= WAITING_MAX {

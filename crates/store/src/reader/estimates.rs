@@ -34,6 +34,10 @@ pub struct EstimateJoiner {
     stage: Stage,
     open: Option<Box<Estimate>>,
     /// Estimates of the caller that it needs no longer; the next ones take their memory.
+    #[expect(
+        clippy::vec_box,
+        reason = "the boxes are passed on without a copy of 3 kB"
+    )]
     spare: Vec<Box<Estimate>>,
 }
 
