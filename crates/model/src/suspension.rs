@@ -26,7 +26,9 @@ pub use ground::{GroundPlane, TyreFrame, ground_plane};
 pub use half::HalfCar;
 pub use hanging::Hanging;
 pub use linkage::{Coordinates, Linkage, PointPath};
-pub use live_axle::{LinkedAxle, LiveAxleMembers, LiveAxleMotion, LiveAxlePose, LiveAxleStatics};
+pub use live_axle::{
+    AxleLine, LinkedAxle, LiveAxleMembers, LiveAxleMotion, LiveAxlePose, LiveAxleStatics,
+};
 pub use motion::{BodyMotion, CornerMotion};
 pub use parity::{Parity, WrenchEstimate};
 pub use quarter::{QuarterCar, lever_motion_ratio, motion_ratio, vertical_force_n, wheel_rate_n_m};

@@ -1,5 +1,8 @@
-//! Drawing of a vehicle's hard-points as SVG: the left corner of each axle from the rear and from above, at
-//! bump, design and droop, and the curves of camber, toe and motion ratio. A mistyped coordinate is seen.
+//! Drawing of a vehicle's hard-points as SVG: the left corner of each axle, or a whole solid axle, from the rear
+//! and from above, at bump, design and droop, and curves over the travel of the wheel. A mistyped coordinate
+//! is seen.
+
+mod live_axle;
 
 use std::fmt::Write;
 
@@ -25,8 +28,8 @@ const STYLE: &str = "text{font:14px sans-serif;fill:#111}.small{font-size:12px}.
 pub enum DrawingError {
     /// No axle has hard-points.
     #[error(
-        "the vehicle file has no hard-points; add [front.wishbone] or [front.macpherson], and [front.strut], or the same \
-         of the rear axle"
+        "the vehicle file has no hard-points; add [front.wishbone] or [front.macpherson], and [front.strut], the same \
+         of the rear axle, or [rear.live_axle]"
     )]
     NoPoints,
     /// A linkage does not reach its travel.
@@ -54,10 +57,14 @@ pub fn linkages(vehicle: &Vehicle) -> Result<String, DrawingError> {
     let mut rows = String::new();
     let mut count = 0.0;
     for (axle, wheel) in [("front", Wheel::FrontLeft), ("rear", Wheel::RearLeft)] {
-        let Ok(corner) = Corner::of(vehicle, wheel) else {
-            continue;
+        let drawn = match Corner::of(vehicle, wheel) {
+            Ok(corner) => Drawn::of_corner(vehicle, &corner, axle)?,
+            Err(_) if vehicle.axle(wheel).live_axle.is_some() => {
+                live_axle::drawn(vehicle, axle, wheel)?
+            }
+            Err(_) => None,
         };
-        let Some(drawn) = Drawn::new(vehicle, &corner, axle)? else {
+        let Some(drawn) = drawn else {
             continue;
         };
         drawn.write(&mut rows, TOP + ROW * count);
@@ -71,7 +78,7 @@ pub fn linkages(vehicle: &Vehicle) -> Result<String, DrawingError> {
     Ok(format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" \
          height=\"{height}\"><style>{STYLE}</style><rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\
-         <text x=\"20\" y=\"30\" font-weight=\"bold\">{name}: left corners; design solid, bump thin, droop \
+         <text x=\"20\" y=\"30\" font-weight=\"bold\">{name}: left corners, solid axles whole; design solid, bump thin, droop \
          dashed</text>\n{rows}</svg>\n"
     ))
 }
@@ -82,39 +89,51 @@ fn escaped(text: &str) -> String {
         .replace('>', "&gt;")
 }
 
-/// What is drawn of one axle.
-struct Drawn<'a> {
+/// What is drawn of one axle. Points are in the vehicle's axes.
+struct Drawn {
     axle: &'static str,
-    points: &'a HardPoints,
-    is_strut: bool,
+    /// Points of the file in the design position.
+    named: Vec<(&'static str, Vector3<f64>)>,
     /// Design, bump, droop.
-    poses: [CornerPose; 3],
-    curve: Vec<JouncePoint>,
+    poses: [Pose; 3],
+    curves: [Curve; 3],
     radius_m: f64,
-    /// Axle ahead of the centre of gravity, m.
-    ahead_m: f64,
-    /// Middle plane left of the origin, m.
-    middle_m: f64,
+    /// Origin of the points of the file, m.
+    origin_m: Vector3<f64>,
+    /// Left edge of the views, left of the middle plane, and their size, m.
+    outer_m: f64,
+    size_m: f64,
 }
 
-impl<'a> Drawn<'a> {
-    fn new(
+/// What is drawn of a pose.
+struct Pose {
+    lines: Vec<Vec<Vector3<f64>>>,
+    /// Centre and spindle of each wheel.
+    wheels: Vec<[Vector3<f64>; 2]>,
+}
+
+/// A quantity over the travel of the wheel, m.
+struct Curve {
+    name: &'static str,
+    points: Vec<[f64; 2]>,
+}
+
+impl Drawn {
+    fn of_corner(
         vehicle: &Vehicle,
-        corner: &'a Corner,
+        corner: &Corner,
         axle: &'static str,
     ) -> Result<Option<Self>, DrawingError> {
         let of_axle = vehicle.axle(corner.wheel);
         let Some(strut) = &of_axle.strut else {
             return Ok(None);
         };
+        let is_strut = of_axle.wishbone.is_none();
+        let table = if is_strut { "macpherson" } else { "wishbone" };
         let travel = |place| {
             move |source| DrawingError::Travel {
                 axle,
-                table: if of_axle.wishbone.is_some() {
-                    "wishbone"
-                } else {
-                    "macpherson"
-                },
+                table,
                 place,
                 source,
             }
@@ -128,31 +147,33 @@ impl<'a> Drawn<'a> {
         let [design_m, bump_m, droop_m] = poses.each_ref().map(|pose| pose.wheel_centre_m.z);
         let radius_m = of_axle.tyre.unloaded_radius_m;
         let (from_m, to_m) = (droop_m - design_m, bump_m - design_m);
-        let curve = corner
+        let all = corner
             .jounce_curve(from_m, to_m, CURVE_POINTS, radius_m)
             .map_err(travel("a position between its stops"))?;
-        let is_front = corner.wheel.is_front();
+        let curve = |name, value: fn(&JouncePoint) -> f64| Curve {
+            name,
+            points: all.iter().map(|at| [at.jounce_m, value(at)]).collect(),
+        };
+        let origin_m = origin_m(vehicle, corner.wheel);
+        let p = &corner.points;
+        let outer_m = p.wheel_centre.y - origin_m.y + 0.15;
         Ok(Some(Self {
             axle,
-            points: &corner.points,
-            is_strut: of_axle.wishbone.is_none(),
-            poses,
-            curve,
+            named: named(p, is_strut),
+            poses: poses.map(|pose| corner_pose(p, &pose, is_strut)),
+            curves: [
+                curve("camber, deg", |at| at.camber_rad.to_degrees()),
+                curve("toe-in, deg", |at| at.toe_in_rad.to_degrees()),
+                curve("motion ratio", |at| at.motion_ratio),
+            ],
             radius_m,
-            ahead_m: if is_front {
-                vehicle.body.front_axle_to_cg_m
-            } else {
-                -vehicle.body.cg_to_rear_axle_m
-            },
-            middle_m: -vehicle.body.cg_y_m,
+            origin_m,
+            outer_m,
+            size_m: (outer_m + 0.05).max(p.strut_chassis.z + 0.1).max(1.0),
         }))
     }
 
     fn write(&self, out: &mut String, top: f64) {
-        let outer_m = self.points.wheel_centre.y - self.middle_m + 0.15;
-        let size_m = (outer_m + 0.05)
-            .max(self.points.strut_chassis.z + 0.1)
-            .max(1.0);
         let views = [
             View {
                 left: 20.0,
@@ -164,7 +185,7 @@ impl<'a> Drawn<'a> {
                 left: 430.0,
                 name: "from above: y to the left, x up",
                 up: 0,
-                least_m: -0.5 * size_m,
+                least_m: -0.5 * self.size_m,
             },
         ];
         label(out, [20.0, top + 18.0], "", &format!("{} axle", self.axle));
@@ -176,22 +197,17 @@ impl<'a> Drawn<'a> {
                 view.left,
                 top + 30.0
             );
-            self.write_view(out, &view, outer_m, VIEW / size_m);
+            self.write_view(out, &view);
             out.push_str("</svg>\n");
             let below = [view.left + 6.0, top + VIEW + 48.0];
             label(out, below, "small", view.name);
         }
-        let quantities: [(&str, OfJounce); 3] = [
-            ("camber, deg", |at| at.camber_rad.to_degrees()),
-            ("toe-in, deg", |at| at.toe_in_rad.to_degrees()),
-            ("motion ratio", |at| at.motion_ratio),
-        ];
-        for (number, (name, value)) in quantities.into_iter().enumerate() {
+        for (number, curve) in self.curves.iter().enumerate() {
             let at = [880.0, top + 44.0 + 132.0 * number as f64];
-            self.write_curve(out, at, name, value);
+            curve.write(out, at);
         }
-        for (number, (name, point)) in self.named().into_iter().enumerate() {
-            let [x, y, z] = (point - self.origin()).into();
+        for (number, (name, point)) in self.named.iter().enumerate() {
+            let [x, y, z] = (point - self.origin_m).into();
             let at = [1075.0, top + 42.0 + 34.0 * number as f64];
             label(out, at, "small", &format!("{} {name}", number + 1));
             let below = [at[0] + 16.0, at[1] + 14.0];
@@ -199,71 +215,37 @@ impl<'a> Drawn<'a> {
         }
     }
 
-    /// The origin of the points of the file, vehicle axes.
-    fn origin(&self) -> Vector3<f64> {
-        Vector3::new(self.ahead_m, self.middle_m, 0.0)
-    }
-
-    /// Points of the file in the design position.
-    fn named(&self) -> Vec<(&'static str, Vector3<f64>)> {
-        let p = self.points;
-        if self.is_strut {
-            return vec![
-                ("wheel_centre_m", p.wheel_centre),
-                ("lower_front_m", p.lower_front),
-                ("lower_rear_m", p.lower_rear),
-                ("lower_ball_m", p.lower_ball),
-                ("strut_top_m", p.strut_chassis),
-                ("strut_low_m", p.strut_arm),
-                ("tie_rod_inner_m", p.tie_rod_inner),
-                ("tie_rod_outer_m", p.tie_rod_outer),
-            ];
-        }
-        vec![
-            ("wheel_centre_m", p.wheel_centre),
-            ("upper_front_m", p.upper_front),
-            ("upper_rear_m", p.upper_rear),
-            ("upper_ball_m", p.upper_ball),
-            ("lower_front_m", p.lower_front),
-            ("lower_rear_m", p.lower_rear),
-            ("lower_ball_m", p.lower_ball),
-            ("strut_chassis_m", p.strut_chassis),
-            ("strut_arm_m", p.strut_arm),
-            ("tie_rod_inner_m", p.tie_rod_inner),
-            ("tie_rod_outer_m", p.tie_rod_outer),
-        ]
-    }
-
-    fn write_view(&self, out: &mut String, view: &View, outer_m: f64, scale: f64) {
-        let place = |point: Vector3<f64>| {
-            let local = point - self.origin();
-            let across = scale * (outer_m - local.y);
+    fn write_view(&self, out: &mut String, view: &View) {
+        let scale = VIEW / self.size_m;
+        let place = |point: &Vector3<f64>| {
+            let local = point - self.origin_m;
+            let across = scale * (self.outer_m - local.y);
             [across, VIEW - scale * (local[view.up] - view.least_m)]
         };
         let mut line = |class: &str, points: &[Vector3<f64>]| {
-            let places: Vec<[f64; 2]> = points.iter().map(|point| place(*point)).collect();
+            let places: Vec<[f64; 2]> = points.iter().map(place).collect();
             polyline(out, class, &places);
         };
         if view.up == 2 {
             let side = Vector3::new(0.0, 3.0, 0.0);
-            line("frame", &[self.origin() - side, self.origin() + side]);
+            line("frame", &[self.origin_m - side, self.origin_m + side]);
         }
-        let p = self.points;
         for (pose, class) in self.poses.iter().zip(["design", "bump", "droop"]) {
-            let upper_m = if self.is_strut {
-                pose.strut_arm_m
-            } else {
-                pose.upper_ball_m
-            };
-            let upright = [upper_m, pose.lower_ball_m, pose.tie_rod_outer_m];
-            line(class, &[p.upper_front, pose.upper_ball_m, p.upper_rear]);
-            line(class, &[p.lower_front, pose.lower_ball_m, p.lower_rear]);
-            line(class, &upright);
-            line(class, &[p.strut_chassis, pose.strut_arm_m]);
-            line(class, &[pose.tie_rod_inner_m, pose.tie_rod_outer_m]);
-            line(class, &self.tread(pose, view.up));
+            for points in &pose.lines {
+                line(class, points);
+            }
+            for [centre, spindle] in &pose.wheels {
+                // The plane of the wheel, as a line of the tyre's diameter.
+                let axis = if view.up == 2 {
+                    Vector3::z()
+                } else {
+                    Vector3::x()
+                };
+                let along = (axis - spindle * spindle.dot(&axis)).normalize() * self.radius_m;
+                line(class, &[centre - along, centre + along]);
+            }
         }
-        for (number, (_, point)) in self.named().into_iter().enumerate() {
+        for (number, (_, point)) in self.named.iter().enumerate() {
             let [x, y] = place(point);
             let _ = writeln!(
                 out,
@@ -272,19 +254,70 @@ impl<'a> Drawn<'a> {
             label(out, [x + 4.0, y - 4.0], "small", &(number + 1).to_string());
         }
     }
+}
 
-    /// The plane of the wheel, as a line of the tyre's diameter through the wheel centre.
-    fn tread(&self, pose: &CornerPose, up: usize) -> [Vector3<f64>; 2] {
-        let axis = if up == 2 { Vector3::z() } else { Vector3::x() };
-        let along = (axis - pose.spindle * pose.spindle.dot(&axis)).normalize() * self.radius_m;
-        [pose.wheel_centre_m - along, pose.wheel_centre_m + along]
+/// Origin of the points of an axle's tables, m.
+fn origin_m(vehicle: &Vehicle, wheel: Wheel) -> Vector3<f64> {
+    let ahead_m = if wheel.is_front() {
+        vehicle.body.front_axle_to_cg_m
+    } else {
+        -vehicle.body.cg_to_rear_axle_m
+    };
+    Vector3::new(ahead_m, -vehicle.body.cg_y_m, 0.0)
+}
+
+/// Points of the file in the design position.
+fn named(p: &HardPoints, is_strut: bool) -> Vec<(&'static str, Vector3<f64>)> {
+    if is_strut {
+        return vec![
+            ("wheel_centre_m", p.wheel_centre),
+            ("lower_front_m", p.lower_front),
+            ("lower_rear_m", p.lower_rear),
+            ("lower_ball_m", p.lower_ball),
+            ("strut_top_m", p.strut_chassis),
+            ("strut_low_m", p.strut_arm),
+            ("tie_rod_inner_m", p.tie_rod_inner),
+            ("tie_rod_outer_m", p.tie_rod_outer),
+        ];
     }
+    vec![
+        ("wheel_centre_m", p.wheel_centre),
+        ("upper_front_m", p.upper_front),
+        ("upper_rear_m", p.upper_rear),
+        ("upper_ball_m", p.upper_ball),
+        ("lower_front_m", p.lower_front),
+        ("lower_rear_m", p.lower_rear),
+        ("lower_ball_m", p.lower_ball),
+        ("strut_chassis_m", p.strut_chassis),
+        ("strut_arm_m", p.strut_arm),
+        ("tie_rod_inner_m", p.tie_rod_inner),
+        ("tie_rod_outer_m", p.tie_rod_outer),
+    ]
+}
 
-    /// A quantity over the travel of the wheel.
-    fn write_curve(&self, out: &mut String, [left, top]: [f64; 2], name: &str, value: OfJounce) {
+fn corner_pose(p: &HardPoints, pose: &CornerPose, is_strut: bool) -> Pose {
+    let upper_m = if is_strut {
+        pose.strut_arm_m
+    } else {
+        pose.upper_ball_m
+    };
+    Pose {
+        lines: vec![
+            vec![p.upper_front, pose.upper_ball_m, p.upper_rear],
+            vec![p.lower_front, pose.lower_ball_m, p.lower_rear],
+            vec![upper_m, pose.lower_ball_m, pose.tie_rod_outer_m],
+            vec![p.strut_chassis, pose.strut_arm_m],
+            vec![pose.tie_rod_inner_m, pose.tie_rod_outer_m],
+        ],
+        wheels: vec![[pose.wheel_centre_m, pose.spindle]],
+    }
+}
+
+impl Curve {
+    fn write(&self, out: &mut String, [left, top]: [f64; 2]) {
         const SIZE: [f64; 2] = [175.0, 80.0];
-        let range = |values: &dyn Fn(&JouncePoint) -> f64| {
-            let all = self.curve.iter().map(values);
+        let range = |k: usize| {
+            let all = self.points.iter().map(|point| point[k]);
             let (least, most) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| {
                 (a.min(value), b.max(value))
             });
@@ -292,11 +325,10 @@ impl<'a> Drawn<'a> {
             let margin = (1e-3 - 0.5 * (most - least)).max(0.0);
             [least - margin, most + margin]
         };
-        let [from_m, to_m] = range(&|at| at.jounce_m);
-        let [least, most] = range(&value);
-        let places = self.curve.iter().map(|at| {
-            let across = (at.jounce_m - from_m) / (to_m - from_m);
-            let up = (value(at) - least) / (most - least);
+        let [[from_m, to_m], [least, most]] = [range(0), range(1)];
+        let places = self.points.iter().map(|[jounce_m, value]| {
+            let across = (jounce_m - from_m) / (to_m - from_m);
+            let up = (value - least) / (most - least);
             [left + SIZE[0] * across, top + SIZE[1] * (1.0 - up)]
         });
         let places: Vec<[f64; 2]> = places.collect();
@@ -306,15 +338,12 @@ impl<'a> Drawn<'a> {
             SIZE[0], SIZE[1]
         );
         polyline(out, "design", &places);
-        let text = format!("{name}: {least:.2} to {most:.2}");
+        let text = format!("{}: {least:.2} to {most:.2}", self.name);
         label(out, [left, top - 6.0], "small", &text);
         let travel = format!("wheel travel {:.0} to {:.0} mm", 1e3 * from_m, 1e3 * to_m);
         label(out, [left, top + SIZE[1] + 14.0], "small", &travel);
     }
 }
-
-/// A quantity over the travel of a wheel.
-type OfJounce = fn(&JouncePoint) -> f64;
 
 /// One view of a corner; the left of the vehicle is on the left.
 struct View {
@@ -353,7 +382,7 @@ mod tests {
         vehicle.name = "<b>&".to_owned();
         let drawing = linkages(&vehicle).unwrap();
         assert!(
-            drawing.contains("&lt;b&gt;&amp;: left corners"),
+            drawing.contains("&lt;b&gt;&amp;: left corners, "),
             "{drawing}"
         );
         assert!(!drawing.contains("NaN"));
@@ -371,6 +400,37 @@ mod tests {
         assert!(!drawing.contains("NaN"));
         assert_eq!(drawing.matches("<circle").count(), 2 * 2 * 8);
         assert!(drawing.contains("5 strut_top_m") && !drawing.contains("upper_ball_m"));
+    }
+
+    #[test]
+    fn a_live_axle_is_drawn_whole_with_its_stops_and_curves() {
+        let vehicle = Vehicle::builtin("second-vehicle").unwrap();
+        let drawing = linkages(&vehicle).unwrap();
+        assert!(!drawing.contains("NaN"));
+        assert_eq!(drawing.matches("<circle").count(), 2 * (8 + 11));
+        assert!(drawing.contains("7 panhard_axle_m") && drawing.contains("-0.150, -0.510, 0.392"));
+        // 97.7 mm to the droop stop of the dampers without the pitch of the axle, 70 mm to the bump stop.
+        let rear = live_axle::drawn(&vehicle, "rear", Wheel::RearLeft)
+            .unwrap()
+            .unwrap();
+        let travel = &rear.curves[1].points;
+        let ends_mm = [travel[0], travel[CURVE_POINTS - 1]].map(|[jounce_m, _]| 1e3 * jounce_m);
+        assert!(
+            (ends_mm[0] + 97.7).abs() < 6.0 && (ends_mm[1] - 70.0).abs() < 2.0,
+            "{ends_mm:?}"
+        );
+        // The Panhard rod moves the axle sideways by the change of its projection.
+        let rod_m = Vector3::new(0.0, 1.0, 0.044);
+        let expected_mm = |z_m: f64| {
+            let up = rod_m.z + z_m;
+            1e3 * ((rod_m.norm_squared() - up * up).sqrt() - rod_m.y)
+        };
+        for [jounce_m, shift_mm] in &rear.curves[1].points {
+            assert!(
+                (shift_mm.abs() - expected_mm(-jounce_m).abs()).abs() < 0.3,
+                "{jounce_m} {shift_mm}"
+            );
+        }
     }
 
     #[test]

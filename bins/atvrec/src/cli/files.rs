@@ -21,8 +21,9 @@ pub enum VehicleCommand {
     Check(CheckFilesArgs),
     /// Draw the hard-points of a vehicle file with the linkage at bump, design and droop (SVG).
     ///
-    /// The drawing has the left corner of each axle from the rear and from above, and the curves of
-    /// camber, toe-in and motion ratio over the travel of the wheel.
+    /// The drawing has the left corner of each axle, or a whole solid axle, from the rear and from
+    /// above, and curves over the travel of the wheel: camber, toe-in and motion ratio; of a solid
+    /// axle steer in roll, lateral shift and motion ratio.
     Draw(DrawArgs),
 }
 
