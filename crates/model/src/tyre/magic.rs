@@ -38,6 +38,16 @@ pub(in crate::tyre) use mf61::degressive;
 pub use mf61::{Coefficients61, MagicFormula61};
 pub use mf89::{Coefficients89, MagicFormula89};
 
+/// Pure lateral slip of Magic Formula 5.2 or 6.1, and what the aligning moment needs of it.
+struct Side<T> {
+    force: T,
+    friction: T,
+    stiffness: T,
+    by_cy: T,
+    shift: T,
+    lift: T,
+}
+
 /// Slopes of the forces of a free-rolling upright tyre, all positive for a usual tyre.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::tyre) struct Slopes {

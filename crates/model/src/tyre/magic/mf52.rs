@@ -1,4 +1,4 @@
-use super::{Slopes, cosine, sine};
+use super::{Side, Slopes, cosine, sine};
 use crate::Scalar;
 use crate::tyre::{Contact, Forces};
 
@@ -107,16 +107,6 @@ impl MagicFormula52 {
             .or_else(|| self.combined.named(name))
             .or_else(|| self.aligning.named(name))
     }
-}
-
-/// Pure lateral slip and what the aligning moment needs of it.
-struct Side<T> {
-    force: T,
-    friction: T,
-    stiffness: T,
-    by_cy: T,
-    shift: T,
-    lift: T,
 }
 
 impl MagicFormula52 {

@@ -1,4 +1,4 @@
-use super::{Slopes, cosine, sine};
+use super::{Side, Slopes, cosine, sine};
 use crate::Scalar;
 use crate::tyre::{Contact, Forces};
 
@@ -59,16 +59,6 @@ const DEGRESSIVE: f64 = 10.0;
 /// lambda_mu' of a friction factor (4.E8).
 pub(in crate::tyre) fn degressive<T: Scalar>(scale: T) -> T {
     scale * DEGRESSIVE / (scale * (DEGRESSIVE - 1.0) + 1.0)
-}
-
-/// Pure lateral slip, and what the aligning moment needs of it.
-struct Side<T> {
-    force: T,
-    friction: T,
-    stiffness: T,
-    by_cy: T,
-    shift: T,
-    lift: T,
 }
 
 impl MagicFormula61 {
