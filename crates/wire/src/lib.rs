@@ -15,6 +15,7 @@
 //! - [`dbc`]: CAN frames to named signals and back, by any DBC file.
 //! - [`j1939`]: messages of several CAN frames.
 //! - [`slcan`], [`candump`]: CAN frames as text.
+//! - [`can_log`]: logs of CAN frames that other programs write.
 //! - [`output`]: estimates for controllers, as CAN frames with [`e2e`] and as datagrams.
 //! - [`mod@recognise`]: which protocol bytes are of.
 //! - [`mod@unit`]: units of quantities and their factors to SI.
@@ -30,6 +31,7 @@ mod rtcm;
 mod text;
 
 pub mod alog;
+pub mod can_log;
 pub mod candump;
 pub mod column;
 pub mod crossbow440;
