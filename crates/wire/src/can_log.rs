@@ -5,9 +5,18 @@
 //! object of an unknown type, a file that ends in the middle of a record) are counted in a
 //! [`Summary`]; a defect that makes the rest unreadable is an error.
 
+mod bytes;
+mod defects;
+mod error;
+mod inflate;
+
+pub mod blf;
+
 use std::ops::ControlFlow;
 
 use sample::CanFrame;
+
+pub use error::Error;
 
 /// Which way a frame went, seen from the tool that wrote the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
