@@ -11,6 +11,7 @@ mod error;
 mod inflate;
 
 pub mod blf;
+pub mod mf4;
 
 use std::ops::ControlFlow;
 

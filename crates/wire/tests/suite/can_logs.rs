@@ -2,4 +2,5 @@
 //! gave.
 
 mod blf;
+mod mf4;
 mod reference;
