@@ -1,4 +1,5 @@
-//! ASAM MDF 4 (`.mf4`): frames of files that log CAN buses.
+//! ASAM MDF 4 (`.mf4`): [`read`] gives the frames of files that log CAN buses, [`Tables`] the measured
+//! signals of all files.
 //!
 //! Source: ASAM MDF 4.1 and its associated standard "Bus Logging". The reader reads sorted and
 //! unsorted data, plain, listed and compressed data blocks (`DT`, `DL`, `HL`, `DZ`), values of their
@@ -16,8 +17,12 @@ mod bus;
 mod channel;
 mod conversion;
 mod data;
+mod formula;
 mod layout;
 mod source;
+mod table;
+mod text;
+mod values;
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -27,6 +32,9 @@ use std::ops::ControlFlow;
 use super::bytes::{u16_at, u64_at};
 use super::defects::Defects;
 use super::{Error, Sink, Stamps, Summary};
+pub use conversion::Physical;
+pub use table::{Column, RowSink, Table, Tables, Value};
+
 use block::File;
 use layout::DataGroup;
 use source::{Context, Ready, Source};
