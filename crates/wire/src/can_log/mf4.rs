@@ -42,6 +42,8 @@ use source::{Context, Ready, Source};
 /// Frames that wait to be sorted by time. Groups of a file are sorted in themselves; records of
 /// several groups that share data blocks are nearly so.
 const WINDOW: usize = 16 * 1024;
+/// Flag of an unfinished file: offsets of values in groups of their own are not valid.
+const NO_OFFSETS: u16 = 1 << 6;
 /// Place of the header block.
 const HEADER_PLACE: u64 = 64;
 /// Names of signals in an error.
@@ -97,6 +99,7 @@ fn open<R: Read + Seek>(
 ) -> Result<(Vec<DataGroup>, Option<i64>), Error> {
     let start = file.read_at(0, HEADER_PLACE)?;
     file.unfinished = start.starts_with(b"UnFinMF ");
+    file.by_order = file.unfinished && u16_at(&start, 60) & NO_OFFSETS != 0;
     if !file.unfinished && !start.starts_with(b"MDF     ") {
         return Err(Error::other_format("an MDF 4 file", &start));
     }

@@ -17,6 +17,9 @@ pub(super) struct File<'r, R> {
     pub length: u64,
     /// The file was not closed: counters and lengths are not valid.
     pub unfinished: bool,
+    /// Offsets of values in groups of their own are not valid: the values have the order of the records
+    /// that they belong to.
+    pub by_order: bool,
     /// Bytes of blocks that may still be read: blocks that many links lead to are read often.
     rest: u64,
 }
@@ -52,6 +55,7 @@ impl<'r, R: Read + Seek> File<'r, R> {
             input,
             length,
             unfinished: false,
+            by_order: false,
             rest: length.saturating_mul(16).saturating_add(16 * 1024 * 1024),
         })
     }

@@ -50,7 +50,7 @@ enum Records {
         order: usize,
         invalidation: usize,
     },
-    /// Values of their own length; offset of the next one.
+    /// Values of their own length; offset of the next one, or its number.
     Values { next: u64, wanted: bool },
     /// Records that are left out, with their name.
     Other(String),
@@ -240,7 +240,8 @@ impl Source {
         }) = self.groups.get_mut(&id)
         {
             let key = (id, *next);
-            *next = next.saturating_add(4 + len);
+            let step = if file.by_order { 1 } else { 4 + len };
+            *next = next.saturating_add(step);
             if *wanted {
                 self.resolve(key, bytes);
             }
@@ -303,6 +304,7 @@ impl Source {
         let bytes = match (data_offset, data) {
             (None, _) => Some(Vec::new()),
             (Some(offset), Data::Group(id)) => {
+                let offset = if file.by_order { index } else { offset };
                 let early = self.early.remove(&(*id, offset));
                 if early.is_none() {
                     wanted = Some((*id, offset));

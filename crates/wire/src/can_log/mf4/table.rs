@@ -296,6 +296,7 @@ impl<'g> Rows<'g> {
         for (column, channel) in self.channels.iter().enumerate() {
             let physical = match (channel.raw(record), self.values.get_mut(&column)) {
                 (Some(Raw::Unsigned(offset)), Some(values)) => {
+                    let offset = values.offset(file, offset, record.index);
                     match values.get(file, defects, offset, TEXT_MAX)? {
                         Some(bytes) => channel.physical(Raw::Bytes(&bytes)),
                         None => Physical::Unknown,

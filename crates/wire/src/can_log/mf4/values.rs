@@ -43,6 +43,15 @@ impl Values {
         }
     }
 
+    /// Offset of the value of a record, which states `stated`.
+    pub const fn offset<R>(&self, file: &File<'_, R>, stated: u64, index: u64) -> u64 {
+        if file.by_order && self.group.is_some() {
+            index
+        } else {
+            stated
+        }
+    }
+
     /// Up to `limit` bytes of the value at an offset.
     pub fn get<R: Read + Seek>(
         &mut self,
@@ -101,7 +110,7 @@ impl Values {
                     };
                     let len = 4 + u64::from(u32_at(bytes, group.id_len));
                     if id == group.id {
-                        *next += len;
+                        *next += if file.by_order { 1 } else { len };
                     }
                     len
                 }
