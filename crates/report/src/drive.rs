@@ -10,7 +10,7 @@ use sample::{Event, Health, LogTime};
 use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset};
 
 use crate::figures::WHEELS;
-use crate::frame::{Frame, Thinning};
+use crate::frame::{CommonInstants, Frame, Thinning};
 use crate::options::Options;
 use crate::{Error, Progress};
 pub use learnt::{Grip, Learnt};
@@ -304,15 +304,23 @@ impl Drive {
         (count as f64 * (self.duration_s() / whole_s).min(1.0)).ceil() as usize
     }
 
-    /// Chooses which samples are kept, and reserves the frames for the messages of the whole log; memory that no row needs is not touched.
+    /// Chooses which samples are kept, and reserves the frames for the messages of the whole log; memory
+    /// that no row needs is not touched.
     fn expect_rows(&mut self, sinks: &[(String, Sink)], info: &Info) {
         let most = sinks.iter().map(|(topic, _)| self.rows(topic, info)).max();
         self.thinning = Thinning::of(self.span_s, most.unwrap_or_default());
         let kept = self.thinning.statement();
         self.facts
             .extend(kept.map(|kept| ("Samples".to_owned(), kept)));
+        // The truth has the instant at which the drive begins, too.
+        let [estimates, truth] = [(); 2].map(|()| CommonInstants::default());
         for (topic, sink) in sinks {
-            let frame = Frame::expecting(self.rows(topic, info), self.thinning);
+            let instants = if topic.starts_with("/truth/") {
+                &truth
+            } else {
+                &estimates
+            };
+            let frame = Frame::expecting(self.rows(topic, info), self.thinning).sharing(instants);
             match sink {
                 Sink::Motion => self.motion = frame,
                 Sink::Forces => self.forces = frame,

@@ -1,9 +1,13 @@
 //! Columns of a topic on one time grid.
 
+mod instants;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use store::{Table, Values};
+
+pub use instants::CommonInstants;
 
 /// Longest gap between samples that a curve crosses, s.
 pub const GAP_S: f64 = 1.0;
@@ -80,8 +84,12 @@ impl Thinning {
 /// Columns of a topic, in 32 bits: an hour of all curves must fit into the memory of a small computer.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
-    /// Seconds since the start of the drive; frames of the same instants share them.
+    /// Seconds since the start of the drive; frames of the same instants share them. Complete after
+    /// [`Frame::finish`].
     pub time_s: Arc<Vec<f64>>,
+    /// While the log is read: instants of several frames, and how many of them this frame has. `None`:
+    /// `time_s` has them.
+    common: Option<(CommonInstants, usize)>,
     columns: BTreeMap<String, Vec<f32>>,
     /// Number of rows that are kept. Columns that grow in steps would leave holes in the memory.
     expected: usize,
@@ -102,6 +110,12 @@ impl Frame {
             thinning,
             ..Self::default()
         }
+    }
+
+    /// Shares instants with other frames while they are equal.
+    pub fn sharing(mut self, instants: &CommonInstants) -> Self {
+        self.common = Some((instants.clone(), 0));
+        self
     }
 
     /// Which samples are kept.
@@ -181,18 +195,30 @@ impl Frame {
         }
     }
 
-    /// Times to which rows are added.
-    fn times(&mut self) -> &mut Vec<f64> {
-        let times = Arc::make_mut(&mut self.time_s);
-        if times.is_empty() {
-            times.reserve_exact(self.expected);
+    /// Adds the times of new rows.
+    fn add_times(&mut self, new: &[f64]) {
+        if let Some((instants, count)) = &mut self.common {
+            if instants.go_on(*count, new, self.expected) {
+                *count += new.len();
+                return;
+            }
+            self.leave_common();
         }
-        times
+        let times = Arc::make_mut(&mut self.time_s);
+        times.reserve_exact(self.expected.saturating_sub(times.len()));
+        times.extend_from_slice(new);
+    }
+
+    /// From now on `time_s` has the instants.
+    fn leave_common(&mut self) {
+        if let Some((instants, count)) = self.common.take() {
+            self.time_s = instants.first(count);
+        }
     }
 
     /// Whether there is no sample.
     pub fn is_empty(&self) -> bool {
-        self.time_s.is_empty()
+        self.len() == 0
     }
 
     /// Samples, kept or not.
@@ -202,15 +228,18 @@ impl Frame {
 
     /// Samples that are kept.
     pub fn len(&self) -> usize {
-        self.time_s.len()
+        match &self.common {
+            Some((_, count)) => *count,
+            None => self.time_s.len(),
+        }
     }
 
     /// Adds the rows of a table; `wants` chooses the columns.
     pub fn extend(&mut self, table: &Table, start_ns: u64, wants: impl Fn(&str) -> bool) {
-        let before = self.time_s.len();
+        let before = self.len();
         let batch = batch_times(table, start_ns);
         let kept = self.keep(&batch);
-        self.times().extend(kept.iter().map(|row| batch[*row]));
+        self.add_times(&chosen(&kept, &batch));
         for column in table.columns.iter().filter(|column| wants(&column.name)) {
             if !is_number(&column.values) {
                 continue;
@@ -232,7 +261,7 @@ impl Frame {
                 sink.extend(kept.iter().map(|row| values[*row]));
             }
         }
-        let rows = self.time_s.len();
+        let rows = self.len();
         for values in self.columns.values_mut() {
             values.resize(rows, f32::NAN);
         }
@@ -261,12 +290,13 @@ impl Frame {
             .remove(name)
             .unwrap_or_else(|| Vec::with_capacity(self.expected));
         sink.extend(kept.iter().map(|row| values[*row]));
-        self.times().extend(kept.iter().map(|row| times[*row]));
+        self.add_times(&chosen(&kept, &times));
         self.columns.insert(name.to_owned(), sink);
     }
 
     /// Sorts the rows by time, if they are not, and removes columns without a finite value.
     pub fn finish(&mut self) {
+        self.leave_common();
         if !self.time_s.is_sorted() {
             let mut order: Vec<usize> = (0..self.time_s.len()).collect();
             order.sort_by(|a, b| self.time_s[*a].total_cmp(&self.time_s[*b]));
@@ -283,7 +313,9 @@ impl Frame {
         for values in self.columns.values_mut() {
             values.shrink_to_fit();
         }
-        Arc::make_mut(&mut self.time_s).shrink_to_fit();
+        if let Some(times) = Arc::get_mut(&mut self.time_s) {
+            times.shrink_to_fit();
+        }
     }
 
     /// A column, if it has a finite value.
@@ -352,6 +384,10 @@ impl Frame {
             .map(|pair| [pair[0], pair[1]])
             .collect()
     }
+}
+
+fn chosen(kept: &[usize], times: &[f64]) -> Vec<f64> {
+    kept.iter().map(|row| times[*row]).collect()
 }
 
 /// For each time of the grid the sample before it and the part of the way to the next one.

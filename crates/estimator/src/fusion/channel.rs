@@ -39,9 +39,12 @@ impl Default for ChannelHealth {
 
 impl ChannelHealth {
     /// Variance of the model's error on a channel with `tolerance_n`: the adapted part of it, and
-    /// the mean of innovations.
+    /// the mean of innovations within its bound.
     pub fn model_variance(&self, tolerance_n: f64, tuning: &ChannelTuning) -> f64 {
-        self.tolerance * tolerance_n.powi(2) + (tuning.mean_factor * self.mean).powi(2)
+        let own = self.tolerance * tolerance_n.powi(2);
+        own + (tuning.mean_factor * self.mean)
+            .powi(2)
+            .min(tuning.mean_bound * own)
     }
 
     /// Stores the variance of an innovation after the channels before it were taken.
@@ -87,5 +90,28 @@ impl ChannelHealth {
         } else {
             Change::None
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Tuning;
+
+    /// Innovations that keep one sign make a channel weigh less, but never so little that it can no longer
+    /// correct the state.
+    #[test]
+    fn a_channel_that_disagrees_for_long_keeps_a_bounded_variance() {
+        let tuning = Tuning::default().fusion.channels;
+        let mut health = ChannelHealth::default();
+        let fresh = health.model_variance(2.0, &tuning);
+        for _ in 0..1000 {
+            health.expect(100.0 * 100.0);
+            health.learn(-300.0, 2.0, &tuning);
+        }
+        let late = health.model_variance(2.0, &tuning);
+        assert!(late > 2.0 * fresh, "{late} against {fresh} N^2");
+        let most = (1.0 + tuning.mean_bound) * tuning.tolerance_bounds[1] * 2.0 * 2.0;
+        assert!(late <= most, "{late} N^2");
     }
 }

@@ -53,7 +53,8 @@ impl Fusion {
 
     /// Moment that belongs to the force of the last step: M_x of the cambered tread, and M_z = -n
     /// F_y of a rolling wheel with a trail n of one sixth of the contact length that vanishes as
-    /// the tyre begins to slide (brush model).
+    /// the tyre begins to slide (brush model). The trail of a standing wheel is not known: its side force
+    /// can come from the drive before, from steering, or from springs that settle.
     pub(super) fn known_moment(
         &self,
         wheel: usize,
@@ -68,18 +69,21 @@ impl Fusion {
         let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
         let contact = 2.0 * (2.0 * tyre.unloaded_radius_m * pressed).sqrt();
         let sliding = lateral.abs() / (tyre.friction * load).max(1.0);
-        let whole_trail = contact / 6.0 * speed_m_s.abs().min(1.0);
+        let rolls = speed_m_s.abs().min(1.0);
+        let whole_trail = contact / 6.0 * rolls;
         let trail = whole_trail * (1.0 - sliding).max(0.0);
         let tipping = -tyre.tread_moment_n_m(load, inclination);
         let turning = -trail * lateral;
         let lifted = 1.0 - tyre.tread_carrying(load, inclination);
         let t = &self.tuning.moments;
+        let rolling_error = math::hypot(
+            t.trail_error * turning,
+            t.friction_error * sliding.min(1.0) * whole_trail * lateral,
+        );
+        let standing_error = t.standing_trail * (1.0 - rolls) * contact / 6.0 * lateral;
         let errors = [
             (t.tread_error + t.tread_lifted_error * lifted) * tipping,
-            math::hypot(
-                t.trail_error * turning,
-                t.friction_error * sliding.min(1.0) * whole_trail * lateral,
-            ),
+            math::hypot(rolling_error, standing_error),
         ];
         let unknown = self.body.moment_sigma_n_m(wheel, t);
         KnownMoment {

@@ -153,6 +153,9 @@ tuning! {
         mean_learning: f64 = 0.01, "1";
         /// Factor on the mean as an error of the model: innovations that keep one sign are not noise.
         mean_factor: f64 = 2.0, "1";
+        /// Largest variance of that error, in variances of the model's own error. Without a limit, a good
+        /// channel that corrects a wrong state weighs less and less, and the state stays wrong.
+        mean_bound: f64 = 4.0, "1";
         /// Weight of one innovation in the factor on the model's variance.
         tolerance_learning: f64 = 0.02, "1";
         /// Bounds of that factor.
@@ -271,6 +274,9 @@ tuning! {
         trail_error: f64 = 0.2, "1";
         /// Relative error of the friction that shortens the trail as the tyre begins to slide.
         friction_error: f64 = 0.4, "1";
+        /// Trail of a standing tyre, which has a side force from before or from steering: standard deviation,
+        /// as a part of the trail of a rolling one.
+        standing_trail: f64 = 0.6, "1";
     }
 }
 
