@@ -1,13 +1,20 @@
-//! Logs of CAN frames that other programs write: what all formats have in common.
+//! Logs of CAN frames that other programs write.
 //!
 //! A reader passes the frames to a sink in the order of the file. A reader never needs memory in
 //! proportion to the length of the file. Defects that leave the rest of the file readable (an
 //! object of an unknown type, a file that ends in the middle of a record) are counted in a
-//! [`Summary`]; a defect that makes the rest unreadable is an error.
+//! [`Summary`]; a defect that makes the rest unreadable is an [`Error`].
 
+use std::collections::BTreeMap;
+use std::io;
 use std::ops::ControlFlow;
 
 use sample::CanFrame;
+
+/// Most defects that a [`Summary`] describes; the others are only counted.
+const DEFECTS_MAX: usize = 10;
+/// Most channels of a file.
+const CHANNELS_MAX: usize = 256;
 
 /// Which way a frame went, seen from the tool that wrote the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,10 +30,10 @@ pub enum Direction {
 /// One frame of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// Stamp, ns. What time zero is, and whether stamps are differences, is in the [`Summary`].
+    /// Stamp, ns. What time zero is, is in the [`Summary`]. Differences are summed.
     pub stamp_ns: i64,
-    /// Channel as it is in the file: a number or the name of an interface. `None`: not in the file.
-    pub channel: Option<String>,
+    /// Position in [`Summary::channels`]. `None`: the file does not tell the channel.
+    pub channel: Option<u16>,
     /// `None`: not in the file.
     pub direction: Option<Direction>,
     /// Data length code (0 to 15), if the file has it.
@@ -35,35 +42,122 @@ pub struct Entry {
     pub frame: CanFrame,
 }
 
+/// Record of a log.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "records are passed one by one and not stored"
+)]
+pub enum Record {
+    /// A frame.
+    Frame(Entry),
+    /// The program that wrote the log reports that frames were lost here.
+    Lost {
+        /// Position in [`Summary::channels`], if the file tells the channel.
+        channel: Option<u16>,
+        /// Number of lost frames.
+        count: u64,
+    },
+}
+
 /// What the stamps of a log mean.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stamps {
     /// UNIX time.
     Unix,
     /// Time since the start of the measurement.
+    #[default]
     SinceStart,
     /// Time of day.
     OfDay,
-    /// Each stamp is the time since the frame before it.
+    /// Each stamp is the time since the record before it; an [`Entry`] has the sum.
     Differences,
 }
 
 /// What a reader has found besides the frames.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Meaning of the stamps.
     pub stamps: Stamps,
-    /// Start of the measurement by the clock of the writer's computer, UNIX time in ns as if that
-    /// clock showed UTC. `None`: not in the file.
+    /// Start of the measurement (of the day for [`Stamps::OfDay`]) by the clock of the writer's
+    /// computer, UNIX time in ns as if that clock showed UTC. `None`: not in the file.
     pub start_ns: Option<i64>,
+    /// Names of the channels, in the order of their first records: an interface, or a number.
+    pub channels: Vec<String>,
     /// Frames passed to the sink.
     pub frames: u64,
     /// Number of records that were left out, by kind in plain words ("objects of type 72",
     /// "event lines").
-    pub left_out: std::collections::BTreeMap<String, u64>,
-    /// Defects that did not stop the reader, in plain words.
+    pub left_out: BTreeMap<String, u64>,
+    /// The first defects that did not stop the reader, in plain words.
     pub defects: Vec<String>,
+    /// Number of all defects.
+    pub defect_count: u64,
 }
 
-/// Takes the frames; `Break` ends the reading.
-pub type Sink<'s> = dyn FnMut(Entry) -> ControlFlow<()> + 's;
+impl Summary {
+    /// Counts a record that is left out.
+    pub(crate) fn leave_out(&mut self, kind: &str) {
+        match self.left_out.get_mut(kind) {
+            Some(count) => *count += 1,
+            None => {
+                self.left_out.insert(kind.to_owned(), 1);
+            }
+        }
+    }
+
+    /// Counts a defect, and describes it if it is one of the first.
+    pub(crate) fn defect(&mut self, text: impl FnOnce() -> String) {
+        self.defect_count += 1;
+        if self.defects.len() < DEFECTS_MAX {
+            self.defects.push(text());
+        }
+    }
+
+    /// Position of a channel among [`Summary::channels`]; `None` beyond 256 channels, which no file
+    /// has.
+    pub(crate) fn channel(&mut self, name: &str) -> Option<u16> {
+        let found = self.channels.iter().position(|known| known == name);
+        let position = match found {
+            Some(position) => position,
+            None if self.channels.len() < CHANNELS_MAX => {
+                self.channels.push(name.to_owned());
+                self.channels.len() - 1
+            }
+            None => return None,
+        };
+        u16::try_from(position).ok()
+    }
+}
+
+/// Takes the records; `Break` ends the reading.
+pub type Sink<'s> = dyn FnMut(Record) -> ControlFlow<()> + 's;
+
+/// Why a file cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system reports an error.
+    #[error("cannot be read: {0}")]
+    Io(#[from] io::Error),
+    /// The bytes are not of the format.
+    #[error("{found}, not {expected}; {help}")]
+    Format {
+        /// Format that the reader reads, in plain words: "a BLF file".
+        expected: &'static str,
+        /// What the bytes are, as the end of a sentence: "is a gzip file".
+        found: String,
+        /// What the user can do.
+        help: String,
+    },
+    /// The rest of the file cannot be read.
+    #[error("is damaged at byte {at}: {what}; {help}")]
+    Damaged {
+        /// Position, bytes from the beginning.
+        at: u64,
+        /// What is expected there and what was found.
+        what: String,
+        /// What the user can do.
+        help: &'static str,
+    },
+}
