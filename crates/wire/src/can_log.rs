@@ -5,6 +5,13 @@
 //! object of an unknown type, a file that ends in the middle of a record) are counted in a
 //! [`Summary`]; a defect that makes the rest unreadable is an [`Error`].
 
+pub mod asc;
+pub mod candump;
+mod date;
+mod lines;
+mod number;
+pub mod trc;
+
 use std::collections::BTreeMap;
 use std::io;
 use std::ops::ControlFlow;
@@ -13,6 +20,8 @@ use sample::CanFrame;
 
 /// Most defects that a [`Summary`] describes; the others are only counted.
 const DEFECTS_MAX: usize = 10;
+/// Most bytes of a line in the description of a defect.
+const SHOWN_MAX: usize = 100;
 /// Most channels of a file.
 const CHANNELS_MAX: usize = 256;
 
@@ -70,6 +79,8 @@ pub enum Stamps {
     SinceStart,
     /// Time of day.
     OfDay,
+    /// Date and time of the writer's computer, as UNIX time as if its clock showed UTC.
+    LocalDate,
     /// Each stamp is the time since the record before it; an [`Entry`] has the sum.
     Differences,
 }
@@ -93,6 +104,10 @@ pub struct Summary {
     pub defects: Vec<String>,
     /// Number of all defects.
     pub defect_count: u64,
+    /// Form of the lines of a candump log.
+    pub style: Option<candump::Style>,
+    /// Number of lines of a candump log that [`candump::Style::write`] does not write so.
+    pub restyled: u64,
 }
 
 impl Summary {
@@ -112,6 +127,22 @@ impl Summary {
         if self.defects.len() < DEFECTS_MAX {
             self.defects.push(text());
         }
+    }
+
+    /// Counts a line that cannot be read as `expected`.
+    fn unreadable(&mut self, line: lines::Line<'_>, expected: &str) {
+        self.leave_out("lines that cannot be read");
+        self.defect(|| {
+            let text = String::from_utf8_lossy(&line.bytes[..line.bytes.len().min(SHOWN_MAX)]);
+            let text = text.escape_debug();
+            match line.ended {
+                true => format!("line {}: \"{text}\" is not {expected}", line.number),
+                false => format!(
+                    "line {}: \"{text}\" is not {expected}: the file ends in the middle of a line",
+                    line.number
+                ),
+            }
+        });
     }
 
     /// Position of a channel among [`Summary::channels`]; `None` beyond 256 channels, which no file
