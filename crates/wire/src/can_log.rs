@@ -8,6 +8,7 @@
 pub mod asc;
 pub mod candump;
 mod date;
+mod format;
 mod lines;
 mod number;
 pub mod trc;
@@ -17,6 +18,8 @@ use std::io;
 use std::ops::ControlFlow;
 
 use sample::CanFrame;
+
+pub use format::{Format, HEAD_BYTES, recognise};
 
 /// Most defects that a [`Summary`] describes; the others are only counted.
 const DEFECTS_MAX: usize = 10;

@@ -163,12 +163,7 @@ pub(crate) const LOWER: &[u8; 16] = b"0123456789abcdef";
 
 /// Appends a frame without time and interface; `fd_bits` are set in the digit of the flags of a CAN FD
 /// frame.
-pub(crate) fn write_frame(
-    text: &mut Vec<u8>,
-    frame: &CanFrame,
-    fd_bits: u8,
-    digits: &[u8; 16],
-) {
+pub(crate) fn write_frame(text: &mut Vec<u8>, frame: &CanFrame, fd_bits: u8, digits: &[u8; 16]) {
     let flags = frame.flags;
     let mut push = |value: u32, places: u32| {
         let shifts = (0..places).rev();
@@ -191,7 +186,10 @@ pub(crate) fn write_frame(
         }
     }
     for byte in frame.bytes() {
-        text.extend([digits[usize::from(byte >> 4)], digits[usize::from(byte & 15)]]);
+        text.extend([
+            digits[usize::from(byte >> 4)],
+            digits[usize::from(byte & 15)],
+        ]);
     }
     if frame.len8_dlc > 8 {
         text.extend([b'_', digits[usize::from(frame.len8_dlc & 15)]]);

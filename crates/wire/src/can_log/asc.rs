@@ -37,7 +37,8 @@ pub fn read(input: &mut (impl Read + Seek), sink: &mut Sink<'_>) -> Result<Summa
         _ => date_ns,
     };
     if heads > 1 {
-        let text = "the file has several recordings, each with a head; the date of the first one is used";
+        let text =
+            "the file has several recordings, each with a head; the date of the first one is used";
         summary.defect(|| format!("{text} ({heads} recordings)"));
     }
     Ok(summary)
@@ -48,6 +49,23 @@ pub fn read(input: &mut (impl Read + Seek), sink: &mut Sink<'_>) -> Result<Summa
 #[must_use]
 pub fn date_of(line: &str) -> Option<i64> {
     vector_date(line.strip_prefix("date ")?.as_bytes())
+}
+
+/// Whether the line is of the head, or has a frame.
+pub(super) fn is_line(line: &[u8]) -> bool {
+    let line = line.trim_ascii();
+    let text = line.to_ascii_lowercase();
+    let mut rest = words(line);
+    let mut small = words(&text);
+    match (small.next(), small.next()) {
+        (Some(b"base"), Some(b"hex" | b"dec")) | (Some(b"begin"), Some(b"triggerblock")) => true,
+        (Some(b"date"), Some(_)) => vector_date(&line[b"date".len()..]).is_some(),
+        _ => {
+            let time = rest.next().filter(|word| word.contains(&b'.'));
+            time.and_then(|word| decimal(word, 9)).is_some()
+                && matches!(frame::parse(line, rest, 16), frame::Parsed::Frame(_))
+        }
+    }
 }
 
 struct Reader {
@@ -82,7 +100,9 @@ impl Reader {
         };
         match frame::parse(bytes, rest, self.base) {
             frame::Parsed::Frame(found) => {
-                let channel = self.summary.channel(&String::from_utf8_lossy(found.channel));
+                let channel = self
+                    .summary
+                    .channel(&String::from_utf8_lossy(found.channel));
                 self.summary.frames += 1;
                 sink(Record::Frame(Entry {
                     stamp_ns,

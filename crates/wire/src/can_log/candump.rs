@@ -94,6 +94,11 @@ fn stamps(input: &mut impl Read) -> Result<Stamps, Error> {
     })
 }
 
+/// Whether the line has a frame, with or without a stamp.
+pub(super) fn is_line(line: Line<'_>) -> bool {
+    parse(line).is_some() || view::is_without_stamp(line.bytes)
+}
+
 /// Reads a line of either form.
 fn parse(line: Line<'_>) -> Option<Found<'_>> {
     log_line(line).or_else(|| view::parse(line.bytes))

@@ -93,7 +93,8 @@ pub(super) fn ole_date(text: &[u8]) -> Option<i64> {
     // Thirteen digits of the fraction are 8.64 ns.
     const DIGITS: u32 = 13;
     let scaled = i128::from(decimal(text, DIGITS)?);
-    let ns = (scaled * i128::from(DAY_NS) + 5 * 10_i128.pow(DIGITS - 1)).div_euclid(10_i128.pow(DIGITS));
+    let ns =
+        (scaled * i128::from(DAY_NS) + 5 * 10_i128.pow(DIGITS - 1)).div_euclid(10_i128.pow(DIGITS));
     let unix = ns - i128::from(OLE_UNIX_DAYS) * i128::from(DAY_NS);
     i64::try_from(unix).ok()
 }

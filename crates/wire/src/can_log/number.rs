@@ -96,7 +96,10 @@ mod tests {
 
     #[test]
     fn decimal_numbers_are_exact() {
-        assert_eq!(decimal(b"1672776524.573555", 9), Some(1_672_776_524_573_555_000));
+        assert_eq!(
+            decimal(b"1672776524.573555", 9),
+            Some(1_672_776_524_573_555_000)
+        );
         assert_eq!(decimal(b"22186.6", 6), Some(22_186_600_000));
         assert_eq!(decimal(b"-0.5", 9), Some(-500_000_000));
         assert_eq!(decimal(b"1.23456789051", 9), Some(1_234_567_891));

@@ -183,6 +183,13 @@ impl Reader {
     }
 }
 
+/// Whether the line is a record of version 1.0, which has no head.
+pub(super) fn is_record(line: &[u8]) -> bool {
+    let first = words(line).next().and_then(|word| word.strip_suffix(b")"));
+    first.and_then(unsigned).is_some()
+        && !matches!(parse(line, &columns_of([1, 0])), Parsed::Unreadable)
+}
+
 /// The words of a line, by column.
 #[derive(Default)]
 struct Words<'l> {
@@ -297,7 +304,11 @@ fn frame<'l>(found: &Words<'l>, data: impl Iterator<Item = &'l [u8]>) -> Option<
         count += 1;
     }
     let is_whole = flags.remote || count == length;
-    let data = if flags.remote { &[] } else { &bytes[..usize::from(length)] };
+    let data = if flags.remote {
+        &[]
+    } else {
+        &bytes[..usize::from(length)]
+    };
     let mut frame = CanFrame::new(id, flags, data)?;
     frame.len = length;
     frame.len8_dlc = if dlc > 8 && !flags.fd { dlc } else { 0 };
@@ -313,7 +324,9 @@ fn frame<'l>(found: &Words<'l>, data: impl Iterator<Item = &'l [u8]>) -> Option<
 /// Data length code and number of bytes.
 fn length(found: &Words<'_>, fd: bool) -> Option<(u8, u8)> {
     if let Some(word) = found.code {
-        let code = u8::try_from(unsigned(word)?).ok().filter(|code| *code <= 15)?;
+        let code = u8::try_from(unsigned(word)?)
+            .ok()
+            .filter(|code| *code <= 15)?;
         return Some((code, length_of(code, fd)));
     }
     let length = u8::try_from(unsigned(found.length?)?).ok()?;

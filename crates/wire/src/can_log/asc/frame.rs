@@ -209,7 +209,11 @@ fn fd<'l>(mut words: impl Iterator<Item = &'l [u8]> + Clone, base: u32) -> Optio
         error_state: body.error_state,
         ..CanFlags::default()
     };
-    let data: &[u8] = if remote { &[] } else { &body.data[..body.length] };
+    let data: &[u8] = if remote {
+        &[]
+    } else {
+        &body.data[..body.length]
+    };
     let mut frame = CanFrame::new(id, flags, data)?;
     if remote {
         set_length(&mut frame, body.dlc);

@@ -95,10 +95,7 @@ impl Style {
         let fd_bits = if self.fd_bit == Some(true) { FD_BIT } else { 0 };
         write_frame(text, frame, fd_bits, if self.lower { LOWER } else { UPPER });
         if self.direction {
-            let sent = matches!(
-                direction,
-                Some(Direction::Sent | Direction::SendRequest)
-            );
+            let sent = matches!(direction, Some(Direction::Sent | Direction::SendRequest));
             text.extend_from_slice(if sent { b" T" } else { b" R" });
         }
         text.extend_from_slice(self.line_end());
