@@ -22,7 +22,10 @@ pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
     RollCentreArgs,
 };
-pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
+pub use import::{
+    ImportAlogArgs, ImportCanArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportRows,
+    ImportVehicleArgs,
+};
 pub use init::InitArgs;
 pub use logs::{
     Axis, EventsArgs, ExportArgs, InfoArgs, RecoverArgs, ReplayArgs, ReplayChanges, ReportArgs,

@@ -14,7 +14,7 @@ mod number;
 pub mod trc;
 
 use std::collections::BTreeMap;
-use std::io;
+use std::io::{self, Read, Seek};
 use std::ops::ControlFlow;
 
 use sample::CanFrame;
@@ -161,6 +161,32 @@ impl Summary {
             None => return None,
         };
         u16::try_from(position).ok()
+    }
+}
+
+/// Reads a log of this format.
+///
+/// # Errors
+/// As the reader of the format; [`Error::Format`] for a format that is not read.
+pub fn read(
+    format: Format,
+    input: &mut (impl Read + Seek),
+    sink: &mut Sink<'_>,
+) -> Result<Summary, Error> {
+    match format {
+        Format::Candump => candump::read(input, sink),
+        Format::Asc => asc::read(input, sink),
+        Format::Trc => trc::read(input, sink),
+        Format::Other(name, help) => Err(Error::Format {
+            expected: "a log of CAN frames that this program reads",
+            found: format!("is {name}"),
+            help: help.to_owned(),
+        }),
+        Format::Blf | Format::Mf4 => Err(Error::Format {
+            expected: "a text log",
+            found: format!("is {}", format.name()),
+            help: "save it as ASC".to_owned(),
+        }),
     }
 }
 

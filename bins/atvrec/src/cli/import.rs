@@ -15,6 +15,12 @@ pub enum ImportCommand {
     Csv(ImportCsvArgs),
     /// Convert a MOOS .alog file to a log.
     Alog(ImportAlogArgs),
+    /// Convert a log of candump (can-utils) to a log.
+    Candump(ImportCanArgs),
+    /// Convert an ASC log of Vector's tools to a log.
+    Asc(ImportCanArgs),
+    /// Convert a TRC log of PEAK-System's tools to a log.
+    Trc(ImportCanArgs),
 }
 
 /// `atvrec import csv`.
@@ -29,6 +35,9 @@ pub struct ImportCsvArgs {
     /// Log to write.
     #[command(flatten)]
     pub into: ImportInto,
+    /// Treatment of the rows.
+    #[command(flatten)]
+    pub rows: ImportRows,
 }
 
 /// `atvrec import alog`.
@@ -43,6 +52,9 @@ pub struct ImportAlogArgs {
     /// Log to write.
     #[command(flatten)]
     pub into: ImportInto,
+    /// Treatment of the lines.
+    #[command(flatten)]
+    pub rows: ImportRows,
 }
 
 /// Log that an import writes.
@@ -63,6 +75,14 @@ pub struct ImportInto {
     /// Log to write.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
+/// Treatment of the rows of a table.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct ImportRows {
     /// Write one run for the rows on each side of a gap of more than 1 h: NAME-1.mcap,
     /// NAME-2.mcap, ... Without this option, such a gap is an error.
     #[arg(long)]
@@ -70,9 +90,21 @@ pub struct ImportInto {
     /// Import values whose units cannot be right. Without this option, they are an error.
     #[arg(long)]
     pub accept_units: bool,
-    /// Whether outputs may replace files.
+}
+
+/// `atvrec import candump`, `asc`, `trc`, `blf` and `mf4`.
+#[derive(Debug, Args)]
+pub struct ImportCanArgs {
+    /// Logs of one drive; the times in all logs must be of the same clock.
+    #[arg(required = true, value_name = "FILE")]
+    pub input: Vec<PathBuf>,
+    /// DBC file of all buses on which it knows an identifier, or of the bus with this name; can be
+    /// given several times. Without DBC file, the log has raw frames only.
+    #[arg(long, value_name = "[BUS=]FILE", conflicts_with = "config")]
+    pub dbc: Vec<String>,
+    /// Log to write.
     #[command(flatten)]
-    pub replace: Replace,
+    pub into: ImportInto,
 }
 
 /// `atvrec import vehicle`.
