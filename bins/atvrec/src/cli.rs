@@ -28,8 +28,8 @@ pub use import::{
 };
 pub use init::InitArgs;
 pub use logs::{
-    Axis, EventsArgs, ExportArgs, InfoArgs, RecoverArgs, ReplayArgs, ReplayChanges, ReportArgs,
-    ScoreArgs, UnitSystem,
+    Axis, EventsArgs, ExportArgs, InfoArgs, RawFormat, RecoverArgs, ReplayArgs, ReplayChanges,
+    ReportArgs, ScoreArgs, UnitSystem,
 };
 
 const AFTER_HELP: &str = "\

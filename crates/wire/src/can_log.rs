@@ -6,19 +6,26 @@
 //! [`Summary`]; a defect that makes the rest unreadable is an [`Error`].
 
 pub mod asc;
+pub mod blf;
+mod bytes;
 pub mod candump;
 mod date;
+mod defects;
+mod error;
 mod format;
+mod inflate;
 mod lines;
+pub mod mf4;
 mod number;
 pub mod trc;
 
 use std::collections::BTreeMap;
-use std::io::{self, Read, Seek};
+use std::io::{Read, Seek};
 use std::ops::ControlFlow;
 
-use sample::CanFrame;
+use sample::{CanFlags, CanFrame};
 
+pub use error::Error;
 pub use format::{Format, HEAD_BYTES, recognise};
 
 /// Most defects that a [`Summary`] describes; the others are only counted.
@@ -114,6 +121,13 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// With these defects.
+    fn with(mut self, defects: defects::Defects) -> Self {
+        self.defects = defects.sentences();
+        self.defect_count = self.defects.len() as u64;
+        self
+    }
+
     /// Counts a record that is left out.
     pub(crate) fn leave_out(&mut self, kind: &str) {
         match self.left_out.get_mut(kind) {
@@ -151,23 +165,37 @@ impl Summary {
     /// Position of a channel among [`Summary::channels`]; `None` beyond 256 channels, which no file
     /// has.
     pub(crate) fn channel(&mut self, name: &str) -> Option<u16> {
-        let found = self.channels.iter().position(|known| known == name);
-        let position = match found {
-            Some(position) => position,
-            None if self.channels.len() < CHANNELS_MAX => {
-                self.channels.push(name.to_owned());
-                self.channels.len() - 1
-            }
-            None => return None,
-        };
-        u16::try_from(position).ok()
+        position_of(&mut self.channels, name)
     }
+}
+
+/// Position of a value in a list, to which it is added if it is not in it.
+fn position_of<T: PartialEq<U>, U: ToOwned<Owned = T> + ?Sized>(
+    list: &mut Vec<T>,
+    value: &U,
+) -> Option<u16> {
+    let found = list.iter().position(|known| known == value);
+    let position = match found {
+        Some(position) => position,
+        None if list.len() < CHANNELS_MAX => {
+            list.push(value.to_owned());
+            list.len() - 1
+        }
+        None => return None,
+    };
+    u16::try_from(position).ok()
+}
+
+/// [`CanFrame::len8_dlc`] of a frame with this data length code.
+fn len8_dlc(flags: CanFlags, dlc: Option<u8>) -> u8 {
+    let is_longer = |code: &u8| (9..=15).contains(code) && !flags.fd && !flags.error;
+    dlc.filter(is_longer).unwrap_or(0)
 }
 
 /// Reads a log of this format.
 ///
 /// # Errors
-/// As the reader of the format; [`Error::Format`] for a format that is not read.
+/// As the reader of the format; [`Error::NotRead`] for a format that is not read.
 pub fn read(
     format: Format,
     input: &mut (impl Read + Seek),
@@ -177,47 +205,11 @@ pub fn read(
         Format::Candump => candump::read(input, sink),
         Format::Asc => asc::read(input, sink),
         Format::Trc => trc::read(input, sink),
-        Format::Other(name, help) => Err(Error::Format {
-            expected: "a log of CAN frames that this program reads",
-            found: format!("is {name}"),
-            help: help.to_owned(),
-        }),
-        Format::Blf | Format::Mf4 => Err(Error::Format {
-            expected: "a text log",
-            found: format!("is {}", format.name()),
-            help: "save it as ASC".to_owned(),
-        }),
+        Format::Blf => blf::read(input, sink),
+        Format::Mf4 => mf4::read(input, sink),
+        Format::Other(found, help) => Err(Error::NotRead { found, help }),
     }
 }
 
 /// Takes the records; `Break` ends the reading.
 pub type Sink<'s> = dyn FnMut(Record) -> ControlFlow<()> + 's;
-
-/// Why a file cannot be read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Error {
-    /// The operating system reports an error.
-    #[error("cannot be read: {0}")]
-    Io(#[from] io::Error),
-    /// The bytes are not of the format.
-    #[error("{found}, not {expected}; {help}")]
-    Format {
-        /// Format that the reader reads, in plain words: "a BLF file".
-        expected: &'static str,
-        /// What the bytes are, as the end of a sentence: "is a gzip file".
-        found: String,
-        /// What the user can do.
-        help: String,
-    },
-    /// The rest of the file cannot be read.
-    #[error("is damaged at byte {at}: {what}; {help}")]
-    Damaged {
-        /// Position, bytes from the beginning.
-        at: u64,
-        /// What is expected there and what was found.
-        what: String,
-        /// What the user can do.
-        help: &'static str,
-    },
-}

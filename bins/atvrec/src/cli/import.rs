@@ -21,6 +21,10 @@ pub enum ImportCommand {
     Asc(ImportCanArgs),
     /// Convert a TRC log of PEAK-System's tools to a log.
     Trc(ImportCanArgs),
+    /// Convert a BLF log of Vector's tools to a log.
+    Blf(ImportCanArgs),
+    /// Convert an MF4 file with CAN frames to a log.
+    Mf4(ImportCanArgs),
 }
 
 /// `atvrec import csv`.

@@ -48,6 +48,8 @@ pub fn run(command: &ImportCommand, quiet: bool) -> anyhow::Result<Outcome> {
         ImportCommand::Candump(args) => can::run(Format::Candump, args, quiet),
         ImportCommand::Asc(args) => can::run(Format::Asc, args, quiet),
         ImportCommand::Trc(args) => can::run(Format::Trc, args, quiet),
+        ImportCommand::Blf(args) => can::run(Format::Blf, args, quiet),
+        ImportCommand::Mf4(args) => can::run(Format::Mf4, args, quiet),
     }
 }
 

@@ -9,20 +9,26 @@ use wire::can_log::candump::Style;
 const IMPORTED: &str = "imported";
 
 /// What an export needs to write the frames as they were in the imported file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
     /// Time zero of the stamps of the file, UNIX time in ns.
     pub zero_ns: i64,
     /// Form of the lines of a candump log.
     pub style: Style,
+    /// Name of the channel in the file: a number or an interface; empty if it has none.
+    pub channel: String,
 }
 
 impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { zero_ns, style } = self;
+        let Self {
+            zero_ns,
+            style,
+            channel,
+        } = self;
         write!(
             f,
-            "{IMPORTED}; time zero {zero_ns} ns; candump form {style}"
+            "{IMPORTED}; time zero {zero_ns} ns; candump form {style}; channel {channel}"
         )
     }
 }
@@ -31,7 +37,7 @@ impl FromStr for Origin {
     type Err = ();
 
     fn from_str(text: &str) -> Result<Self, ()> {
-        let mut parts = text.split("; ");
+        let mut parts = text.splitn(4, "; ");
         let is_imported = parts.next() == Some(IMPORTED);
         let zero = parts
             .next()
@@ -41,8 +47,13 @@ impl FromStr for Origin {
             .next()
             .and_then(|part| part.strip_prefix("candump form "));
         let style = style.and_then(|text| text.parse().ok());
-        match (is_imported, zero, style) {
-            (true, Some(zero_ns), Some(style)) => Ok(Self { zero_ns, style }),
+        let channel = parts.next().and_then(|part| part.strip_prefix("channel "));
+        match (is_imported, zero, style, channel) {
+            (true, Some(zero_ns), Some(style), Some(channel)) => Ok(Self {
+                zero_ns,
+                style,
+                channel: channel.to_owned(),
+            }),
             _ => Err(()),
         }
     }
@@ -56,8 +67,12 @@ mod tests {
     fn what_is_written_is_read() {
         for text in ["10.6", "3.9RF", "1.0lc"] {
             let style = text.parse().expect("a form");
-            let origin = Origin { zero_ns: -5, style };
-            assert_eq!(origin.to_string().parse(), Ok(origin));
+            let origin = Origin {
+                zero_ns: -5,
+                style,
+                channel: "can 0; a".to_owned(),
+            };
+            assert_eq!(origin.to_string().parse(), Ok(origin.clone()));
         }
         assert_eq!("imported".parse::<Origin>(), Err(()));
     }

@@ -4,9 +4,12 @@
 //! file with relative stamps.
 
 mod frame;
+mod write;
 
 use std::io::{Read, Seek};
 use std::ops::ControlFlow;
+
+pub use write::{END, write_frame, write_head};
 
 use super::date::{midnight_ns, vector_date};
 use super::lines::{Line, each};

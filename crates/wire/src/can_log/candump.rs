@@ -79,11 +79,7 @@ fn stamps(input: &mut impl Read) -> Result<Stamps, Error> {
         }
     })?;
     if first.is_none() && without > 0 {
-        return Err(Error::Format {
-            expected: "a log with stamps",
-            found: "has lines of candump without time".to_owned(),
-            help: "record with candump -L, or with -ta".to_owned(),
-        });
+        return Err(Error::NoStamps);
     }
     Ok(match first {
         _ if is_date => Stamps::LocalDate,

@@ -174,10 +174,10 @@ impl Reader {
             }
             return ControlFlow::Continue(());
         }
-        self.problem = Some(Error::Format {
-            expected: "a TRC file of version 1.0 to 2.1",
-            found: format!("is a TRC file of version {}", String::from_utf8_lossy(text)),
-            help: "save it with PCAN-View or PEAK-Converter in version 2.1".to_owned(),
+        self.problem = Some(Error::OtherVersion {
+            expected: "versions 1.0 to 2.1",
+            found: format!("a TRC log of version {}", String::from_utf8_lossy(text)),
+            advice: "save it with PCAN-View or PEAK-Converter in version 2.1",
         });
         ControlFlow::Break(())
     }

@@ -1,6 +1,7 @@
 //! The decoders against reference decodes, mixtures and noise.
 
 mod can_log;
+mod can_logs;
 mod common;
 mod crossbow440;
 mod dbc_vectors;

@@ -45,7 +45,14 @@ pub fn run(format: Format, args: &ImportCanArgs, quiet: bool) -> anyhow::Result<
     buses::check_databases(&config, &names, &buses)?;
     let inputs = inputs_of(format, &surveys, &zeros, &buses);
     let target = output.log.clone();
-    let written = write(&config, &names, &surveys, inputs, &target, &output)?;
+    let written = write(
+        &config,
+        (&names, &buses),
+        &surveys,
+        inputs,
+        &target,
+        &output,
+    )?;
     written.print(&config, &target, |estimator| {
         why_nothing(&config, estimator)
     });
@@ -101,7 +108,7 @@ fn inputs_of<'s>(
 /// Writes the log.
 fn write(
     config: &Config,
-    names: &[&str],
+    (names, buses): (&[&str], &[Bus]),
     surveys: &[Survey],
     inputs: Vec<Input<'_>>,
     target: &Target,
@@ -114,9 +121,13 @@ fn write(
         .map(|(input, survey)| input.time(survey.greatest_ns))
         .max();
     let end = last.unwrap_or(start) + TAIL_NS;
-    let origin = origin(surveys, &inputs);
+    let mut origin = origin(surveys, &inputs);
     let mut log = Log::create(config, names, start, target, Vec::new())?;
-    let ids = log.open(config, names, &origin.to_string())?;
+    let mut ids = Vec::new();
+    for (name, bus) in names.iter().zip(buses) {
+        origin.channel.clone_from(&bus.channel);
+        ids.extend(log.open(config, &[name], &origin.to_string())?);
+    }
     let progress = Progress::seconds("import", end.seconds_since(start), output.quiet);
     let mut count = 0_usize;
     merge(inputs, |item: Item| {
@@ -152,6 +163,7 @@ fn origin(surveys: &[Survey], inputs: &[Input<'_>]) -> Origin {
     Origin {
         zero_ns: inputs.first().map_or(0, |input| input.zero_ns),
         style: style.unwrap_or_default(),
+        channel: String::new(),
     }
 }
 

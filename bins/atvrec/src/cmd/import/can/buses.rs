@@ -22,6 +22,8 @@ const INTERFACE_MAX: usize = 15;
 pub struct Bus {
     /// Name as a source.
     pub name: String,
+    /// Name in the first of its files; empty if the file has no channels.
+    pub channel: String,
     /// Positions of its files, with the channels in them.
     members: Vec<(usize, Option<u16>)>,
     contents: Channel,
@@ -59,6 +61,10 @@ pub fn of(surveys: &[Survey]) -> Vec<Bus> {
                 }
                 None => buses.push(Bus {
                     name,
+                    channel: match channel {
+                        Some(_) => survey.summary.channels[at].clone(),
+                        None => String::new(),
+                    },
                     members: vec![(file, channel)],
                     contents: contents.clone(),
                 }),

@@ -110,7 +110,7 @@ pub fn read(format: Format, path: &Path, sink: &mut can_log::Sink<'_>) -> anyhow
     let shown = path.display();
     let file = File::open(path).with_context(|| format!("cannot read {shown}"))?;
     let summary = can_log::read(format, &mut BufReader::new(file), sink);
-    summary.map_err(|error| UsageError(format!("{shown} {error}")).into())
+    summary.map_err(|error| UsageError(format!("{shown}: {error}")).into())
 }
 
 /// Refuses a file whose first bytes are of another format.
