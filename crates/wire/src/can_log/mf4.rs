@@ -1,4 +1,5 @@
-//! ASAM MDF 4 (`.mf4`): frames of files that log CAN buses.
+//! ASAM MDF 4 (`.mf4`): [`read`] gives the frames of files that log CAN buses, [`Tables`] the measured
+//! signals of all files.
 //!
 //! Source: ASAM MDF 4.1 and its associated standard "Bus Logging". The reader reads sorted and
 //! unsorted data, plain, listed and compressed data blocks (`DT`, `DL`, `HL`, `DZ`), values of their
@@ -16,8 +17,12 @@ mod bus;
 mod channel;
 mod conversion;
 mod data;
+mod formula;
 mod layout;
 mod source;
+mod table;
+mod text;
+mod values;
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -27,6 +32,9 @@ use std::ops::ControlFlow;
 use super::bytes::{u16_at, u64_at};
 use super::defects::Defects;
 use super::{Error, Record, Sink, Summary};
+pub use conversion::Physical;
+pub use table::{Column, RowSink, Table, Tables, Value};
+
 use block::File;
 use layout::DataGroup;
 use source::{Context, Ready, Source};
@@ -34,6 +42,8 @@ use source::{Context, Ready, Source};
 /// Frames that wait to be sorted by time. Groups of a file are sorted in themselves; records of
 /// several groups that share data blocks are nearly so.
 const WINDOW: usize = 16 * 1024;
+/// Flag of an unfinished file: offsets of values in groups of their own are not valid.
+const NO_OFFSETS: u16 = 1 << 6;
 /// Place of the header block.
 const HEADER_PLACE: u64 = 64;
 /// Names of signals in an error.
@@ -82,6 +92,7 @@ fn open<R: Read + Seek>(
 ) -> Result<(Vec<DataGroup>, Option<i64>), Error> {
     let start = file.read_at(0, HEADER_PLACE)?;
     file.unfinished = start.starts_with(b"UnFinMF ");
+    file.by_order = file.unfinished && u16_at(&start, 60) & NO_OFFSETS != 0;
     if !file.unfinished && !start.starts_with(b"MDF     ") {
         return Err(Error::other_format("an MDF 4 file", &start));
     }

@@ -2,5 +2,6 @@
 //! gave.
 
 mod blf;
+mod made;
 mod mf4;
 mod reference;

@@ -17,6 +17,11 @@ pub(super) struct File<'r, R> {
     pub length: u64,
     /// The file was not closed: counters and lengths are not valid.
     pub unfinished: bool,
+    /// Offsets of values in groups of their own are not valid: the values have the order of the records
+    /// that they belong to.
+    pub by_order: bool,
+    /// Bytes of blocks that may still be read: blocks that many links lead to are read often.
+    rest: u64,
 }
 
 /// Header of a block.
@@ -50,6 +55,8 @@ impl<'r, R: Read + Seek> File<'r, R> {
             input,
             length,
             unfinished: false,
+            by_order: false,
+            rest: length.saturating_mul(16).saturating_add(16 * 1024 * 1024),
         })
     }
 
@@ -95,6 +102,11 @@ impl<'r, R: Read + Seek> File<'r, R> {
             _ => return Ok(None),
         };
         let len = header.length.saturating_sub(HEADER).min(BLOCK_MAX);
+        let len = len.min(self.length.saturating_sub(place));
+        let Some(rest) = self.rest.checked_sub(len + HEADER) else {
+            return Ok(None);
+        };
+        self.rest = rest;
         let bytes = self.read_at(place + HEADER, len)?;
         let Some(links_len) = header.links.checked_mul(8) else {
             return Ok(None);

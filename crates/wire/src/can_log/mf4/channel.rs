@@ -1,9 +1,11 @@
 //! Channels: where a value is in a record.
 
 use std::io::{Read, Seek};
+use std::sync::Arc;
 
 use super::block::{Block, File};
-use super::conversion::Conversion;
+use super::conversion::{Conversion, Physical};
+use super::text;
 use crate::can_log::Error;
 use crate::can_log::bytes::{u8_at, u32_at};
 
@@ -39,7 +41,10 @@ pub(super) struct Channel {
     all_invalid: bool,
     /// Block with the values of their own length.
     pub data: u64,
-    pub conversion: Conversion,
+    pub conversion: Arc<Conversion>,
+    pub unit: Option<String>,
+    /// Other channels are parts or elements of this one.
+    pub has_parts: bool,
 }
 
 /// A raw value.
@@ -69,6 +74,11 @@ impl Channel {
     ) -> Result<Self, Error> {
         let data = &block.data;
         let flags = u32_at(data, 12);
+        let mut unit = file.text(block.link(6))?;
+        if unit.is_none() && block.link(4) != 0 {
+            let conversion = file.block(block.link(4), *b"CC")?;
+            unit = file.text(conversion.map_or(0, |conversion| conversion.link(1)))?;
+        }
         Ok(Self {
             name: file.text(block.link(2))?.unwrap_or_default(),
             parent: parent.map(str::to_owned),
@@ -90,8 +100,28 @@ impl Channel {
             all_invalid: flags & 1 != 0,
             invalid_bit: (flags & 2 != 0).then(|| u32_at(data, 16)),
             data: block.link(5),
-            conversion: Conversion::read(file, block.link(4))?,
+            conversion: Arc::new(Conversion::read(file, block.link(4))?),
+            unit: unit
+                .map(|unit| unit.trim().to_owned())
+                .filter(|unit| !unit.is_empty()),
+            has_parts: false,
         })
+    }
+
+    /// An element of an array: the channel at other bytes and with an index in its name.
+    pub fn element(&self, index: &str, bytes: u32) -> Self {
+        Self {
+            name: format!("{}{index}", self.name),
+            parent: Some(self.name.clone()),
+            byte_offset: self.byte_offset.saturating_add(bytes),
+            has_parts: false,
+            ..self.clone()
+        }
+    }
+
+    /// Whether the channel is the axis of its group.
+    pub const fn is_master(&self) -> bool {
+        matches!(self.kind, Kind::Master | Kind::VirtualMaster)
     }
 
     /// Whether the record's value is valid.
@@ -152,10 +182,20 @@ impl Channel {
     /// The physical value as a number; `None` if it has none.
     pub fn value(&self, record: Record<'_>) -> Option<f64> {
         match self.raw(record)? {
-            Raw::Unsigned(raw) => Some(self.conversion.apply(raw as f64, true)),
-            Raw::Signed(raw) => Some(self.conversion.apply(raw as f64, true)),
-            Raw::Float(raw) => Some(self.conversion.apply(raw, false)),
+            Raw::Unsigned(raw) => Some(self.conversion.number(raw as f64, true)),
+            Raw::Signed(raw) => Some(self.conversion.number(raw as f64, true)),
+            Raw::Float(raw) => Some(self.conversion.number(raw, false)),
             Raw::Bytes(_) => None,
+        }
+    }
+
+    /// The physical value of a raw one.
+    pub fn physical(&self, raw: Raw<'_>) -> Physical {
+        match raw {
+            Raw::Unsigned(raw) => self.conversion.apply(raw as f64, true),
+            Raw::Signed(raw) => self.conversion.apply(raw as f64, true),
+            Raw::Float(raw) => self.conversion.apply(raw, false),
+            Raw::Bytes(bytes) => text::decode(self.data_type, bytes),
         }
     }
 
@@ -167,7 +207,7 @@ impl Channel {
             Raw::Signed(count) => Some(count),
             Raw::Float(_) | Raw::Bytes(_) => None,
         };
-        if let (Conversion::Linear { offset, factor }, Some(count)) = (&self.conversion, count) {
+        if let (Conversion::Linear { offset, factor }, Some(count)) = (&*self.conversion, count) {
             let unit_ns = (factor * 1e9).round();
             let whole = (factor * 1e9 - unit_ns).abs() < 1e-9 * unit_ns;
             if *offset == 0.0 && whole && unit_ns <= 1e12 {

@@ -147,7 +147,7 @@ impl Stream {
             return Ok(());
         };
         match &header.id {
-            b"DT" | b"SD" | b"RD" | b"DV" => {
+            b"DT" | b"SD" | b"RD" => {
                 let place = place + HEADER;
                 let mut len = header.length.saturating_sub(HEADER);
                 if len == 0 && file.unfinished && file.header(place)?.is_none() {

@@ -11,6 +11,8 @@ use crate::can_log::defects::Defects;
 
 /// Deepest nesting of channels that are parts of channels.
 const DEPTH_MAX: u32 = 8;
+/// Largest number of elements of an array that become columns.
+const ELEMENTS_MAX: u64 = 4096;
 /// Group flag: the records are values of their own length.
 const VARIABLE_LENGTH: u16 = 1;
 
@@ -47,6 +49,7 @@ pub(super) fn read<R: Read + Seek>(
     first: u64,
 ) -> Result<Vec<DataGroup>, Error> {
     let mut layout = Layout {
+        elements_rest: file.length / 8,
         file,
         defects,
         seen: HashSet::new(),
@@ -73,6 +76,8 @@ struct Layout<'f, 'r, R> {
     defects: &'f mut Defects,
     /// Blocks that were read: each belongs to one list.
     seen: HashSet<u64>,
+    /// Elements of arrays that may still become columns: a file has at least eight bytes for one.
+    elements_rest: u64,
 }
 
 impl<R: Read + Seek> Layout<'_, '_, R> {
@@ -143,20 +148,65 @@ impl<R: Read + Seek> Layout<'_, '_, R> {
                 self.defects.note("a channel is missing", place);
                 break;
             };
-            let channel = Channel::read(self.file, &block, parent)?;
-            let name = channel.name.clone();
-            channels.push(channel);
+            let mut channel = Channel::read(self.file, &block, parent)?;
             let parts = block.link(1);
-            let is_channel = parts != 0
-                && depth < DEPTH_MAX
-                && self
-                    .file
-                    .header(parts)?
-                    .is_some_and(|header| header.id == *b"CN");
-            if is_channel {
-                self.channels(parts, Some(&name), depth + 1, channels)?;
+            let kind = match self.file.header(parts)? {
+                Some(header) if parts != 0 && depth < DEPTH_MAX => Some(header.id),
+                _ => None,
+            };
+            channel.has_parts = matches!(kind.as_ref(), Some(b"CN" | b"CA"));
+            let whole = channel.clone();
+            channels.push(channel);
+            match kind.as_ref() {
+                Some(b"CN") => self.channels(parts, Some(&whole.name), depth + 1, channels)?,
+                Some(b"CA") => self.elements(parts, &whole, channels)?,
+                _ => {}
             }
             place = block.link(0);
+        }
+        Ok(())
+    }
+
+    /// The elements of an array, the last index fastest.
+    fn elements(
+        &mut self,
+        place: u64,
+        channel: &Channel,
+        channels: &mut Vec<Channel>,
+    ) -> Result<(), Error> {
+        let Some(block) = self.file.block(place, *b"CA")? else {
+            return Ok(());
+        };
+        let data = &block.data;
+        let (storage, dimensions) = (u8_at(data, 1), usize::from(u16_at(data, 2)));
+        let stride = u32_at(data, 8);
+        let sizes: Vec<u64> = (0..dimensions.min(8))
+            .map(|i| u64_at(data, 16 + 8 * i))
+            .collect();
+        let count = sizes
+            .iter()
+            .try_fold(1_u64, |count, size| count.checked_mul(*size));
+        let largest = ELEMENTS_MAX.min(self.elements_rest);
+        if storage != 0 || count.is_none_or(|count| count > largest) {
+            self.defects
+                .note("an array of another form than a table in the record", place);
+            return Ok(());
+        }
+        let count = count.unwrap_or_default();
+        self.elements_rest -= count;
+        for element in 0..count {
+            let mut rest = element;
+            let mut indices = Vec::new();
+            for size in sizes.iter().rev() {
+                indices.push(rest % size);
+                rest /= size;
+            }
+            let name: String = indices
+                .iter()
+                .rev()
+                .map(|index| format!("[{index}]"))
+                .collect();
+            channels.push(channel.element(&name, stride.saturating_mul(element as u32)));
         }
         Ok(())
     }

@@ -9,14 +9,15 @@ use super::bus::{Decoded, FrameGroup, put_data};
 use super::channel::{Kind, Record};
 use super::data::{Stream, record_id};
 use super::layout::{DataGroup, Group};
+use super::values::Values;
 use crate::can_log::bytes::u32_at;
 use crate::can_log::defects::Defects;
 use crate::can_log::{Entry, Error};
 
 /// Longest record of a frame, bytes. Longer ones are damage.
 const RECORD_MAX: u64 = 64 * 1024;
-/// Largest number of times that values of their own length are read from their start again.
-const REWINDS_MAX: u32 = 64;
+/// Data bytes of a CAN FD frame.
+const FRAME_DATA_MAX: u64 = 64;
 
 /// A frame and its place in the order of the file: time, group, record.
 pub(super) struct Ready {
@@ -43,12 +44,6 @@ enum Data {
     Blocks(Box<Values>),
 }
 
-/// Values of their own length in data blocks.
-struct Values {
-    stream: Stream,
-    rewinds: u32,
-}
-
 /// What the records of a group are.
 enum Records {
     Frames {
@@ -58,7 +53,7 @@ enum Records {
         order: usize,
         invalidation: usize,
     },
-    /// Values of their own length; offset of the next one.
+    /// Values of their own length; offset of the next one, or its number.
     Values { next: u64, wanted: bool },
     /// Records that are left out, with their name.
     Other(String),
@@ -235,7 +230,10 @@ impl Source {
         };
         let len = u64::from(u32_at(bytes, id_len));
         self.stream.skip(file, defects, id_len as u64 + 4)?;
-        let Some(bytes) = self.stream.peek(file, defects, len.min(64) as usize)? else {
+        let Some(bytes) = self
+            .stream
+            .peek(file, defects, len.min(FRAME_DATA_MAX) as usize)?
+        else {
             return Ok(self.end(defects));
         };
         let bytes = bytes.to_vec();
@@ -245,7 +243,8 @@ impl Source {
         }) = self.groups.get_mut(&id)
         {
             let key = (id, *next);
-            *next = next.saturating_add(4 + len);
+            let step = if file.by_order { 1 } else { 4 + len };
+            *next = next.saturating_add(step);
             if *wanted {
                 self.resolve(key, bytes);
             }
@@ -309,13 +308,16 @@ impl Source {
         let bytes = match (data_offset, data) {
             (None, _) => Some(Vec::new()),
             (Some(offset), Data::Group(id)) => {
+                let offset = if file.by_order { index } else { offset };
                 let early = self.early.remove(&(*id, offset));
                 if early.is_none() {
                     wanted = Some((*id, offset));
                 }
                 Some(early.unwrap_or_default())
             }
-            (Some(offset), Data::Blocks(values)) => values.get(file, defects, offset)?,
+            (Some(offset), Data::Blocks(values)) => {
+                values.get(file, defects, offset, FRAME_DATA_MAX)?
+            }
             (Some(_), Data::InRecord) => None,
         };
         if let Some(bytes) = bytes {
@@ -376,10 +378,7 @@ fn records(group: &Group, order: usize, by_place: &HashMap<u64, u64>) -> Records
     let data = match &frames.data_bytes {
         Some(channel) if channel.kind == Kind::VariableLength => {
             by_place.get(&channel.data).map_or_else(
-                || {
-                    let stream = Stream::new(channel.data);
-                    Data::Blocks(Box::new(Values { stream, rewinds: 0 }))
-                },
+                || Data::Blocks(Box::new(Values::new(channel.data, None))),
                 |id| Data::Group(*id),
             )
         }
@@ -390,33 +389,5 @@ fn records(group: &Group, order: usize, by_place: &HashMap<u64, u64>) -> Records
         data,
         order,
         invalidation: group.invalidation,
-    }
-}
-
-impl Values {
-    /// Up to 64 bytes of the value at an offset.
-    fn get<R: Read + Seek>(
-        &mut self,
-        file: &mut File<'_, R>,
-        defects: &mut Defects,
-        offset: u64,
-    ) -> Result<Option<Vec<u8>>, Error> {
-        if offset < self.stream.position {
-            if self.rewinds == REWINDS_MAX {
-                return Ok(None);
-            }
-            self.rewinds += 1;
-            self.stream.rewind();
-        }
-        let ahead = offset - self.stream.position;
-        if !self.stream.skip(file, defects, ahead)? {
-            return Ok(None);
-        }
-        let Some(bytes) = self.stream.peek(file, defects, 4)? else {
-            return Ok(None);
-        };
-        let len = u32_at(bytes, 0).min(64) as usize;
-        let bytes = self.stream.peek(file, defects, 4 + len)?;
-        Ok(bytes.map(|bytes| bytes[4..].to_vec()))
     }
 }
