@@ -23,8 +23,8 @@ pub use identify::{
     RollCentreArgs,
 };
 pub use import::{
-    ImportAlogArgs, ImportCanArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportRows,
-    ImportVehicleArgs,
+    ImportAlogArgs, ImportCanArgs, ImportCommand, ImportCsvArgs, ImportGnssArgs, ImportInto,
+    ImportRows, ImportVehicleArgs,
 };
 pub use init::InitArgs;
 pub use logs::{

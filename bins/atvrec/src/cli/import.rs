@@ -25,6 +25,8 @@ pub enum ImportCommand {
     Blf(ImportCanArgs),
     /// Convert an MF4 file with CAN frames to a log.
     Mf4(ImportCanArgs),
+    /// Convert the raw output of a GNSS receiver (NovAtel, SBF, UBX, NMEA) to a log.
+    Gnss(ImportGnssArgs),
 }
 
 /// `atvrec import csv`.
@@ -59,6 +61,17 @@ pub struct ImportAlogArgs {
     /// Treatment of the lines.
     #[command(flatten)]
     pub rows: ImportRows,
+}
+
+/// `atvrec import gnss`.
+#[derive(Debug, Args)]
+pub struct ImportGnssArgs {
+    /// File with what the receiver sent.
+    #[arg(value_name = "FILE")]
+    pub input: PathBuf,
+    /// Log to write.
+    #[command(flatten)]
+    pub into: ImportInto,
 }
 
 /// Log that an import writes.

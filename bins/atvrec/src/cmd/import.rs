@@ -8,6 +8,7 @@ mod can;
 mod clock;
 mod csv;
 mod decode;
+mod gnss;
 mod log;
 mod plausible;
 mod run;
@@ -50,6 +51,7 @@ pub fn run(command: &ImportCommand, quiet: bool) -> anyhow::Result<Outcome> {
         ImportCommand::Trc(args) => can::run(Format::Trc, args, quiet),
         ImportCommand::Blf(args) => can::run(Format::Blf, args, quiet),
         ImportCommand::Mf4(args) => can::run(Format::Mf4, args, quiet),
+        ImportCommand::Gnss(args) => gnss::run(args, quiet),
     }
 }
 

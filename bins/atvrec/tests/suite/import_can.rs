@@ -88,7 +88,9 @@ fn a_log_of_candump_comes_out_as_it_was() {
     import(here, "asc", Path::new("a.asc"), "asc.mcap");
     let text = export(here, "asc.mcap", "candump", "c.log");
     let text = String::from_utf8(text).expect("text");
-    let lines = CANDUMP.lines().filter(|line| !line.starts_with("DROPCOUNT"));
+    let lines = CANDUMP
+        .lines()
+        .filter(|line| !line.starts_with("DROPCOUNT"));
     for (got, want) in text.lines().zip(lines) {
         let frame = |line: &str| line.split(' ').nth(2).map(str::to_owned);
         if !want.contains("#0004000000000000") && !want.contains("##") {
@@ -130,7 +132,12 @@ fn every_real_log_is_imported_with_all_its_frames() {
     };
     let directory = tempfile::tempdir().expect("a directory");
     let here = directory.path();
-    let formats = [("asc", "asc"), ("trc", "trc"), ("blf", "blf"), ("mf4-bus", "mf4")];
+    let formats = [
+        ("asc", "asc"),
+        ("trc", "trc"),
+        ("blf", "blf"),
+        ("mf4-bus", "mf4"),
+    ];
     for (folder, format) in formats {
         for name in names(&root.join(folder)) {
             let folder = root.join(folder).join(&name);
@@ -170,16 +177,28 @@ fn a_dbc_of_the_bus_decodes_it_and_another_one_is_refused() {
     };
     for option in ["other.dbc", "can0=other.dbc"] {
         let told = stderr(&run(option).code(2));
-        assert!(told.contains("no identifier in common: the DBC has 700"), "{told}");
-        assert!(told.contains("the log has 005, 123, 321, 322, 7FF"), "{told}");
+        assert!(
+            told.contains("no identifier in common: the DBC has 700"),
+            "{told}"
+        );
+        assert!(
+            told.contains("the log has 005, 123, 321, 322, 7FF"),
+            "{told}"
+        );
         assert!(!here.join("a.mcap").exists());
     }
     let told = stderr(&run("can7=car.dbc").code(2));
-    assert!(told.contains("there is no bus can7; the buses are can0, vcan1"), "{told}");
+    assert!(
+        told.contains("there is no bus can7; the buses are can0, vcan1"),
+        "{told}"
+    );
     run("car.dbc").success();
     let assert = atvrec(here).args(["info", "a.mcap", "--json"]).assert();
     let info = stdout(&assert.success());
-    assert!(info.contains("/can/can0/Oil") && !info.contains("/can/vcan1"), "{info}");
+    assert!(
+        info.contains("/can/can0/Oil") && !info.contains("/can/vcan1"),
+        "{info}"
+    );
     verify(here, "a.mcap");
 }
 
@@ -188,11 +207,23 @@ fn other_formats_are_refused_with_their_names() {
     let directory = tempfile::tempdir().expect("a directory");
     let here = directory.path();
     let cases: [(&str, &[u8], &str); 7] = [
-        ("candump", b"date Sat Sep 30 15:06:13.191 2017\nbase hex  timestamps absolute\n", "use `atvrec import asc`"),
+        (
+            "candump",
+            b"date Sat Sep 30 15:06:13.191 2017\nbase hex  timestamps absolute\n",
+            "use `atvrec import asc`",
+        ),
         ("asc", CANDUMP.as_bytes(), "use `atvrec import candump`"),
-        ("blf", b"\x1f\x8b\x08\0", "is a gzip file, not a BLF log; decompress it"),
+        (
+            "blf",
+            b"\x1f\x8b\x08\0",
+            "is a gzip file, not a BLF log; decompress it",
+        ),
         ("mf4", b"MDF     3.30    ", "an MDF file of version 3"),
-        ("trc", b"Time Stamp,ID,Extended,Dir,Bus,LEN,D1\n", "a GVRET table"),
+        (
+            "trc",
+            b"Time Stamp,ID,Extended,Dir,Bus,LEN,D1\n",
+            "a GVRET table",
+        ),
         ("candump", b" \n", "is empty"),
         ("candump", b"hello\n", "is not a log of candump"),
     ];
@@ -211,9 +242,15 @@ fn other_formats_are_refused_with_their_names() {
     };
     let file = root.join("mf4-signal/simple/measurement.mf4");
     let mut command = atvrec(here);
-    let assert = command.args(["import", "mf4"]).arg(file).args(["-o", "x.mcap"]);
+    let assert = command
+        .args(["import", "mf4"])
+        .arg(file)
+        .args(["-o", "x.mcap"]);
     let told = stderr(&assert.assert().code(2));
-    assert!(told.contains("has no CAN frames, only measured signals"), "{told}");
+    assert!(
+        told.contains("has no CAN frames, only measured signals"),
+        "{told}"
+    );
 }
 
 #[test]
@@ -223,7 +260,13 @@ fn logs_of_several_files_are_merged_by_time() {
     let lines = |bus: &str, first_ms: u32| -> String {
         let times = (0..100).map(|n| first_ms + 20 * n);
         times
-            .map(|ms| format!("(1700000000.{:06}) {bus} 100#{:04X}\n", 1000 * (ms % 1000), ms))
+            .map(|ms| {
+                format!(
+                    "(1700000000.{:06}) {bus} 100#{:04X}\n",
+                    1000 * (ms % 1000),
+                    ms
+                )
+            })
             .take(49)
             .collect()
     };

@@ -23,6 +23,7 @@ mod hostile;
 mod identify;
 mod import;
 mod import_can;
+mod import_gnss;
 mod import_kinds;
 mod init;
 mod inputs;

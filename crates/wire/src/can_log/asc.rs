@@ -115,11 +115,12 @@ impl Reader {
                     frame: found.frame,
                 }))
             }
-            frame::Parsed::Event(kind) => {
+            // A line that was cut can lack the words of a frame.
+            frame::Parsed::Event(kind) if line.ended || kind != frame::OTHER_EVENT => {
                 self.summary.leave_out(kind);
                 ControlFlow::Continue(())
             }
-            frame::Parsed::Unreadable => {
+            frame::Parsed::Event(_) | frame::Parsed::Unreadable => {
                 self.summary.unreadable(line, "an event of an ASC file");
                 ControlFlow::Continue(())
             }

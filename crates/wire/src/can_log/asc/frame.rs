@@ -14,6 +14,9 @@ const TAIL_WORDS: usize = 8;
 /// Position of the flags among the words after the data.
 const TAIL_FLAGS: usize = 2;
 
+/// Kind of the events that this reader does not know.
+pub(super) const OTHER_EVENT: &str = "lines of other events";
+
 /// A frame of a line.
 pub(super) struct Found<'l> {
     pub channel: &'l [u8],
@@ -42,17 +45,19 @@ pub(super) fn parse<'l>(
     let found = match words.next() {
         Some(b"CANFD") => fd(words, base),
         Some(channel) if unsigned(channel).is_some() => classic(channel, words, base),
-        // A line without the form of a frame is one of the many other events.
-        Some(_) if !has_frame_word(line) => return Parsed::Event("lines of other events"),
         _ => None,
     };
+    if found.is_none() && !has_frame_word(line) {
+        // A line without the form of a frame is one of the many other events.
+        return Parsed::Event(OTHER_EVENT);
+    }
     found.map_or(Parsed::Unreadable, Parsed::Frame)
 }
 
 /// Whether the line has a word that only frames have.
 fn has_frame_word(line: &[u8]) -> bool {
     let mut words = super::words(line);
-    words.any(|word| matches!(word, b"CANFD" | b"ErrorFrame"))
+    words.any(|word| matches!(word, b"CANFD" | b"ErrorFrame" | b"Rx" | b"Tx" | b"TxRq"))
 }
 
 /// The kind of an event that is no frame; `None` for frames and for what is not known.

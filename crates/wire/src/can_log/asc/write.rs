@@ -106,7 +106,7 @@ fn write_fd(
         u32::from(flags.bit_rate_switch),
         u32::from(flags.error_state),
     );
-    let word = FLAG_FD | brs * FLAG_BRS | esi * FLAG_ESI;
+    let word = FLAG_FD | (brs * FLAG_BRS) | (esi * FLAG_ESI);
     let length = frame.bytes().len();
     write!(
         line,

@@ -116,6 +116,12 @@ pub fn read(format: Format, path: &Path, sink: &mut can_log::Sink<'_>) -> anyhow
 /// Refuses a file whose first bytes are of another format.
 fn check_format(format: Format, path: &Path) -> anyhow::Result<()> {
     let shown = path.display();
+    if std::fs::metadata(path).is_ok_and(|file| !file.is_file()) {
+        let text = format!(
+            "{shown} is no regular file, but an import reads its input twice; save it to a file"
+        );
+        return Err(UsageError(text).into());
+    }
     let mut head = Vec::new();
     File::open(path)
         .and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head))
