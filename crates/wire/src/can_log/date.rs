@@ -84,7 +84,7 @@ fn month_of(name: &[u8]) -> Option<u32> {
         _ => None,
     }));
     let starts = |names: &&[&[u8]]| names.iter().any(|name| plain.starts_with(name));
-    let position = MONTHS.iter().position(|names| starts(names))?;
+    let position = MONTHS.iter().position(starts)?;
     u32::try_from(position + 1).ok()
 }
 

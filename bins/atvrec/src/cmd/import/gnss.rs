@@ -17,7 +17,7 @@ use sample::{LogTime, Payload};
 use wire::can_log;
 use wire::gnss::Decoder;
 
-use self::clock::Clock;
+use self::clock::{Clock, First};
 use super::run::{Log, TAIL_NS};
 use super::{configuration_of, log_time, output, quoted, source_names};
 use crate::cli::ImportGnssArgs;
@@ -53,8 +53,8 @@ pub fn run(args: &ImportGnssArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let mut log = Log::create(&config, &[name], start, &output.log, Vec::new())?;
     let ids = log.open(&config, &[name], "imported")?;
     let progress = Progress::seconds("import", end.seconds_since(start), quiet);
-    let clock = Clock::starting(survey.midnight_ns, survey.first_ns);
-    pieces(path, clock, &mut |piece| {
+    let clock = Clock::new(survey.dates);
+    pieces(path, clock, survey.first_ns, &mut |piece| {
         output.interrupt.check()?;
         progress.set(piece.time.seconds_since(start));
         let id = *ids.first().context("the log has the source")?;
@@ -117,8 +117,8 @@ struct Survey {
     bytes: u64,
     checksum_errors: u64,
     skipped_bytes: u64,
-    /// UNIX time of the first midnight, ns, if a message tells a date.
-    midnight_ns: Option<i64>,
+    /// What the messages tell of the date.
+    dates: First,
     /// UNIX time of the first message with a time, ns.
     first_ns: i64,
     first: LogTime,
@@ -133,8 +133,8 @@ struct Survey {
 fn survey(path: &Path, interrupt: &Interrupt) -> anyhow::Result<Survey> {
     let shown = path.display();
     // The date may come after the first times of day.
-    let midnight_ns = clock::first_midnight(path, interrupt)?;
-    let mut clock = Clock::new(midnight_ns);
+    let dates = clock::first_dates(path, interrupt)?;
+    let mut clock = Clock::new(dates);
     let mut protocols: BTreeMap<&'static str, u64> = BTreeMap::new();
     let (mut first, mut last_ns) = (None, 0);
     let (mut backwards, mut jumps) = (0, 0);
@@ -180,7 +180,7 @@ fn survey(path: &Path, interrupt: &Interrupt) -> anyhow::Result<Survey> {
         bytes,
         checksum_errors: statistics.checksum_errors,
         skipped_bytes: statistics.skipped_bytes,
-        midnight_ns,
+        dates,
         first_ns,
         first: time(first_ns)?,
         last: time(last_ns)?,
@@ -221,10 +221,13 @@ impl Survey {
             self.bytes,
             protocols.join(", ")
         );
-        let from = match self.midnight_ns {
-            _ if self.protocols.keys().all(|name| *name != "nmea") => "from its GPS time",
-            Some(_) => "from its time and date",
-            None => "from its time of day; no message has a date, and the day is 2000-01-01",
+        let from = match (self.dates.midnight_ns, self.dates.week) {
+            (_, Some(_)) => "from its GPS time",
+            (Some(_), None) => "from its time and date",
+            (None, None) => {
+                "from its time of day or of the week; no message has a date, and the day or the week is that of \
+                 2000-01-01"
+            }
         };
         println!("{shown}: the messages arrive at the receiver's own time, UTC, {from}");
         for (count, text) in [
@@ -274,15 +277,17 @@ struct Piece<'b> {
 }
 
 /// Calls `take` with the bytes of the file: each message with what is before it. A message without a
-/// time, and one with an earlier time, has the time of the message before it.
+/// time, and one with an earlier time, has the time of the message before it; `first_ns` is that of the
+/// first ones.
 fn pieces(
     path: &Path,
     mut clock: Clock,
+    first_ns: i64,
     take: &mut dyn FnMut(Piece<'_>) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let mut decoder = Decoder::new();
     let mut waiting: Vec<u8> = Vec::new();
-    let (mut position, mut last_ns) = (0_u64, clock.first_ns());
+    let (mut position, mut last_ns) = (0_u64, first_ns);
     each_part(path, |part| {
         let mut ends: Vec<(u64, Option<i64>)> = Vec::new();
         let mut found = |item: wire::Item<'_>| ends.push((item.range.end, clock.time_ns(&item)));

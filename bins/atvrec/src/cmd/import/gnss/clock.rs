@@ -14,41 +14,37 @@ use crate::interrupt::Interrupt;
 const NANOS: i64 = 1_000_000_000;
 const DAY_NS: i64 = 86_400 * NANOS;
 const WEEK_S: f64 = 604_800.0;
+/// GPS week of 2000-01-01, for files without a week.
+const WEEK_DEFAULT: u16 = 1042;
+
+/// The dates that the messages of a file tell first.
+#[derive(Clone, Copy, Default)]
+pub struct First {
+    /// UNIX time of the midnight before the first message with a time of day, ns.
+    pub midnight_ns: Option<i64>,
+    /// GPS week.
+    pub week: Option<u16>,
+}
 
 /// What earlier messages say about the time of later ones.
-#[derive(Clone)]
 pub struct Clock {
     /// UNIX time of the midnight that times of day count from, ns.
     midnight_ns: i64,
-    /// GPS week of the last message with a week, and its time of week, s.
-    week: Option<(u16, f64)>,
+    /// GPS week and time of week of the last message, s.
+    week: (u16, f64),
     /// Last time, ns.
     last_ns: Option<i64>,
-    first_ns: i64,
 }
 
 impl Clock {
-    /// A clock before the first message; `midnight_ns` is the first midnight that a message tells.
-    pub fn new(midnight_ns: Option<i64>) -> Self {
+    /// A clock before the first message.
+    pub fn new(first: First) -> Self {
+        let default_ns = START_DEFAULT_NS.cast_signed();
         Self {
-            midnight_ns: midnight_ns.unwrap_or(START_DEFAULT_NS.cast_signed()),
-            week: None,
+            midnight_ns: first.midnight_ns.unwrap_or(default_ns),
+            week: (first.week.unwrap_or(WEEK_DEFAULT), 0.0),
             last_ns: None,
-            first_ns: 0,
         }
-    }
-
-    /// As [`Clock::new`], with the time of messages before the first one with a time.
-    pub fn starting(midnight_ns: Option<i64>, first_ns: i64) -> Self {
-        Self {
-            first_ns,
-            ..Self::new(midnight_ns)
-        }
-    }
-
-    /// Time of messages before the first one with a time, ns.
-    pub const fn first_ns(&self) -> i64 {
-        self.first_ns
     }
 
     /// UNIX time of a message, ns; `None` if it has no time.
@@ -61,17 +57,18 @@ impl Clock {
                 week: Some(week),
                 time_of_week_s,
             } => {
-                self.week = Some((week, time_of_week_s));
+                self.week = (week, time_of_week_s);
                 unix_ns_from_gps(week, time_of_week_s)
             }
             DeviceTime::Gps {
                 week: None,
                 time_of_week_s,
             } => {
-                let (week, last_s) = self.week?;
+                let (mut week, last_s) = self.week;
                 // A fall of half a week is the beginning of the next one.
-                let next = time_of_week_s < last_s - 0.5 * WEEK_S;
-                unix_ns_from_gps(week + u16::from(next), time_of_week_s)
+                week = week.saturating_add((time_of_week_s < last_s - 0.5 * WEEK_S).into());
+                self.week = (week, time_of_week_s);
+                unix_ns_from_gps(week, time_of_week_s)
             }
             DeviceTime::UtcTimeOfDay(utc_s) => {
                 let ns = self.midnight_ns + of_day_ns(utc_s);
@@ -105,26 +102,26 @@ fn of_day_ns(utc_s: f64) -> i64 {
     (utc_s * NANOS as f64).round() as i64
 }
 
-/// UNIX time of the midnight before the first message with a time of day, ns, if a message of the file
-/// tells a date.
-pub fn first_midnight(path: &Path, interrupt: &Interrupt) -> anyhow::Result<Option<i64>> {
+/// The dates that the messages of a file tell first.
+pub fn first_dates(path: &Path, interrupt: &Interrupt) -> anyhow::Result<First> {
     let mut decoder = Decoder::new();
     let mut first_ns = None;
-    let mut found: Option<i64> = None;
+    let mut found = First::default();
     each_part(path, |part| {
         interrupt.check()?;
-        let is_known = found.is_some();
-        let take = |item: Item<'_>| {
-            let Some(DeviceTime::UtcTimeOfDay(utc_s)) = item.device_time else {
-                return;
-            };
-            let ns = of_day_ns(utc_s);
-            let first_ns = *first_ns.get_or_insert(ns);
-            let midnight_ns = midnight_of(&item.message);
-            // A file can begin before midnight, and have its first date after it.
-            let is_next_day = ns < first_ns - DAY_NS / 2;
-            let first = midnight_ns.map(|ns| ns - if is_next_day { DAY_NS } else { 0 });
-            found = found.or(first);
+        let is_known = found.midnight_ns.is_some() && found.week.is_some();
+        let take = |item: Item<'_>| match item.device_time {
+            Some(DeviceTime::Gps { week, .. }) => found.week = found.week.or(week),
+            Some(DeviceTime::UtcTimeOfDay(utc_s)) => {
+                let ns = of_day_ns(utc_s);
+                let first_ns = *first_ns.get_or_insert(ns);
+                // A file can begin before midnight, and have its first date after it.
+                let is_next_day = ns < first_ns - DAY_NS / 2;
+                let midnight_ns = midnight_of(&item.message);
+                let first = midnight_ns.map(|ns| ns - if is_next_day { DAY_NS } else { 0 });
+                found.midnight_ns = found.midnight_ns.or(first);
+            }
+            _ => {}
         };
         if let (Some(bytes), false) = (part, is_known) {
             decoder.push(bytes, take);
