@@ -79,8 +79,9 @@ impl<'r> Raw<'r> {
         }
         let config = Config::from_attachments(&reader.attachments()?).ok();
         let is_given = |source: &&&store::Source| names.is_empty() || names.contains(&source.name);
-        let chosen = fitting.iter().filter(is_given).zip(1..);
-        let sources = chosen.map(|(source, number)| {
+        let chosen: Vec<&store::Source> = fitting.iter().filter(is_given).copied().collect();
+        let numbers = numbers(&chosen);
+        let sources = chosen.iter().zip(numbers).map(|(source, number)| {
             let found = Source {
                 channel: interface(config.as_ref(), &source.name),
                 number,
@@ -195,7 +196,6 @@ impl Source {
     fn open(&mut self, origin: Origin) {
         if !origin.channel.is_empty() {
             self.channel.clone_from(&origin.channel);
-            self.number = origin.channel.parse().unwrap_or(self.number);
         }
         self.origin = origin;
     }
@@ -258,6 +258,17 @@ impl Source {
 /// UNIX time of a frame, ns: of the kernel, or of the arrival.
 fn stamp_ns(arrival: &Arrival, frame: &CanFrame) -> i64 {
     frame.kernel_ns.unwrap_or(arrival.realtime_ns)
+}
+
+/// Numbers of the channels in formats with numbers: those of the names `can1`, `can2` and so on, or
+/// from 1 on in the order of the sources.
+fn numbers(sources: &[&store::Source]) -> Vec<u32> {
+    let number = |source: &&store::Source| -> Option<u32> {
+        let digits = source.name.strip_prefix("can")?;
+        digits.parse().ok().filter(|number| *number > 0)
+    };
+    let named: Option<Vec<u32>> = sources.iter().map(number).collect();
+    named.unwrap_or_else(|| (1..).take(sources.len()).collect())
 }
 
 /// Name of the interface of a source.

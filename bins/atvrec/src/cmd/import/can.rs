@@ -10,6 +10,7 @@ mod survey;
 use engine::config::{Estimator, Meaning};
 use engine::{Config, output::Target};
 use sample::{CanFrame, LogTime, Notice, Payload};
+use wire::can_log::candump::Style;
 use wire::can_log::{Direction, Entry, Format};
 
 use self::buses::Bus;
@@ -121,11 +122,10 @@ fn write(
         .map(|(input, survey)| input.time(survey.greatest_ns))
         .max();
     let end = last.unwrap_or(start) + TAIL_NS;
-    let mut origin = origin(surveys, &inputs);
     let mut log = Log::create(config, names, start, target, Vec::new())?;
     let mut ids = Vec::new();
     for (name, bus) in names.iter().zip(buses) {
-        origin.channel.clone_from(&bus.channel);
+        let origin = origin(surveys, &inputs, bus);
         ids.extend(log.open(config, &[name], &origin.to_string())?);
     }
     let progress = Progress::seconds("import", end.seconds_since(start), output.quiet);
@@ -150,20 +150,24 @@ fn write(
     log.finish()
 }
 
-/// What an export needs to write the frames as they were.
-fn origin(surveys: &[Survey], inputs: &[Input<'_>]) -> Origin {
-    let mut style = surveys.iter().find_map(|survey| survey.summary.style);
-    if style.is_none() {
-        let direction = surveys.iter().any(Survey::has_direction);
-        style = Some(wire::can_log::candump::Style {
-            direction,
-            ..wire::can_log::candump::Style::default()
-        });
-    }
-    Origin {
-        zero_ns: inputs.first().map_or(0, |input| input.zero_ns),
-        style: style.unwrap_or_default(),
-        channel: String::new(),
+/// What an export needs to write the frames of a log of candump as they were. Of another log, it writes
+/// UNIX times and the names of the buses.
+fn origin(surveys: &[Survey], inputs: &[Input<'_>], bus: &Bus) -> Origin {
+    let style = surveys.iter().find_map(|survey| survey.summary.style);
+    match (style, inputs.first()) {
+        (Some(style), Some(input)) => Origin {
+            zero_ns: input.zero_ns,
+            style,
+            channel: bus.channel.clone(),
+        },
+        _ => Origin {
+            zero_ns: 0,
+            style: Style {
+                direction: surveys.iter().any(Survey::has_direction),
+                ..Style::default()
+            },
+            channel: bus.name.clone(),
+        },
     }
 }
 

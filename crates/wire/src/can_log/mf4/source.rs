@@ -44,6 +44,37 @@ enum Data {
     Blocks(Box<Values>),
 }
 
+/// Data of a frame that is not in its record.
+enum Found {
+    Bytes(Vec<u8>),
+    /// Group and offset of data that is still to come.
+    Later((u64, u64)),
+    Missing,
+}
+
+impl Data {
+    /// The data of a record that states an offset, by the offset or by the number of the record.
+    fn find<R: Read + Seek>(
+        &mut self,
+        file: &mut File<'_, R>,
+        defects: &mut Defects,
+        early: &mut BTreeMap<(u64, u64), Vec<u8>>,
+        [offset, index]: [u64; 2],
+    ) -> Result<Found, Error> {
+        Ok(match self {
+            Self::InRecord => Found::Missing,
+            Self::Group(id) => {
+                let key = (*id, if file.by_order { index } else { offset });
+                early.remove(&key).map_or(Found::Later(key), Found::Bytes)
+            }
+            Self::Blocks(values) => {
+                let bytes = values.get(file, defects, offset, FRAME_DATA_MAX)?;
+                bytes.map_or(Found::Missing, Found::Bytes)
+            }
+        })
+    }
+}
+
 /// What the records of a group are.
 enum Records {
     Frames {
@@ -304,30 +335,24 @@ impl Source {
         if timeless {
             defects.note("a frame without time", self.place);
         }
-        let mut wanted = None;
-        let bytes = match (data_offset, data) {
-            (None, _) => Some(Vec::new()),
-            (Some(offset), Data::Group(id)) => {
-                let offset = if file.by_order { index } else { offset };
-                let early = self.early.remove(&(*id, offset));
-                if early.is_none() {
-                    wanted = Some((*id, offset));
-                }
-                Some(early.unwrap_or_default())
-            }
-            (Some(offset), Data::Blocks(values)) => {
-                values.get(file, defects, offset, FRAME_DATA_MAX)?
-            }
-            (Some(_), Data::InRecord) => None,
+        let found = match data_offset {
+            Some(offset) => data.find(file, defects, &mut self.early, [offset, index])?,
+            None => Found::Bytes(Vec::new()),
         };
-        if let Some(bytes) = bytes {
-            put_data(&mut entry.frame, &bytes);
-            let key = (entry.stamp_ns, *order, index);
-            let ready = Ready { key, entry, bus };
-            self.pending.push_back(Pending { ready, wanted });
-        } else {
-            defects.note("the data of a frame is missing", self.place);
-        }
+        let wanted = match found {
+            Found::Bytes(bytes) => {
+                put_data(&mut entry.frame, &bytes);
+                None
+            }
+            Found::Later(key) => Some(key),
+            Found::Missing => {
+                defects.note("the data of a frame is missing", self.place);
+                return Ok(true);
+            }
+        };
+        let key = (entry.stamp_ns, *order, index);
+        let ready = Ready { key, entry, bus };
+        self.pending.push_back(Pending { ready, wanted });
         Ok(true)
     }
 
