@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use atvrec_wire::can_log::{self, Direction, Entry, Error, Record, Sink, Stamps, Summary};
 use proptest::prelude::*;
 use reference::{Frame, Stamp};
+use sample::{CanFlags, CanFrame};
 
 /// Greatest difference from a stamp of the reference, which is a binary floating-point number, ns.
 const STAMP_ERROR_NS: f64 = 300.0;
@@ -387,7 +388,66 @@ fn damaged() -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
+/// Frames that a text log can have: an error frame of ASC has no content.
+fn frames() -> impl Strategy<Value = CanFrame> {
+    let data = prop::collection::vec(any::<u8>(), 0..=8);
+    (any::<u32>(), 0_u8..64, data, 9_u8..16).prop_map(|(id, bits, data, code)| {
+        let mut flags = CanFlags::from_bits(bits);
+        if flags.error {
+            flags = CanFlags {
+                error: true,
+                fd: flags.fd,
+                ..CanFlags::default()
+            };
+            return CanFrame::new(0, flags, &[]).expect("no data");
+        }
+        flags.remote &= !flags.fd;
+        flags.bit_rate_switch &= flags.fd;
+        flags.error_state &= flags.fd;
+        let id = id & if flags.extended { 0x1FFF_FFFF } else { 0x7FF };
+        let stored: &[u8] = if flags.remote { &[] } else { &data };
+        let mut frame = CanFrame::new(id, flags, stored).expect("the data fits");
+        frame.len = data.len() as u8;
+        if frame.len == 8 && !flags.fd && bits & 32 != 0 {
+            frame.len8_dlc = code;
+        }
+        frame
+    })
+}
+
 proptest! {
+    #[test]
+    fn an_asc_file_is_read_as_it_was_written(
+        frames in prop::collection::vec((frames(), 0_i64..5_000_000_000, any::<bool>()), 1..20),
+    ) {
+        let mut text = Vec::new();
+        can_log::asc::write_head(&mut text, 1_506_783_973_191_000_000);
+        for (frame, stamp_ns, sent) in &frames {
+            let direction = if *sent { Direction::Sent } else { Direction::Received };
+            can_log::asc::write_frame(&mut text, *stamp_ns, 3, frame, Some(direction));
+        }
+        text.extend_from_slice(can_log::asc::END.as_bytes());
+        let mut found = Vec::new();
+        let summary = can_log::asc::read(&mut Cursor::new(&text), &mut |record| {
+            found.push(record);
+            ControlFlow::Continue(())
+        });
+        let summary = summary.expect("an ASC file");
+        prop_assert_eq!(summary.start_ns, Some(1_506_783_973_191_000_000));
+        prop_assert_eq!(summary.defect_count, 0);
+        prop_assert_eq!(summary.channels, ["3"]);
+        prop_assert_eq!(found.len(), frames.len());
+        for (record, (frame, stamp_ns, sent)) in found.iter().zip(&frames) {
+            let Record::Frame(entry) = record else {
+                panic!("{record:?}");
+            };
+            prop_assert_eq!((&entry.frame, entry.stamp_ns), (frame, *stamp_ns));
+            let is_told = !frame.flags.error || frame.flags.fd;
+            let direction = if *sent { Direction::Sent } else { Direction::Received };
+            prop_assert_eq!(entry.direction, is_told.then_some(direction));
+        }
+    }
+
     #[test]
     fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         read_bytes(&bytes);
