@@ -22,11 +22,14 @@ pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
     RollCentreArgs,
 };
-pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
+pub use import::{
+    ImportAlogArgs, ImportCanArgs, ImportCommand, ImportCsvArgs, ImportGnssArgs, ImportInto,
+    ImportRows, ImportVehicleArgs,
+};
 pub use init::InitArgs;
 pub use logs::{
-    Axis, EventsArgs, ExportArgs, InfoArgs, RecoverArgs, ReplayArgs, ReplayChanges, ReportArgs,
-    ScoreArgs, UnitSystem,
+    Axis, EventsArgs, ExportArgs, InfoArgs, RawFormat, RecoverArgs, ReplayArgs, ReplayChanges,
+    ReportArgs, ScoreArgs, UnitSystem,
 };
 
 const AFTER_HELP: &str = "\

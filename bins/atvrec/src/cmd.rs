@@ -18,6 +18,7 @@ pub mod link;
 #[cfg(feature = "live")]
 pub mod live;
 pub mod man;
+mod origin;
 pub mod record;
 pub mod recover;
 pub mod replay;

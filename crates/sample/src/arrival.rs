@@ -165,6 +165,9 @@ pub struct CanFrame {
     pub len: u8,
     /// Data; bytes from `len` on are zero.
     pub data: [u8; 64],
+    /// Data length code, 9 to 15, of a classic frame with 8 bytes; 0 if the code follows from `len`
+    /// (`len8_dlc` of `linux/can.h`).
+    pub len8_dlc: u8,
     /// Kernel's receive stamp, ns since the UNIX epoch on the host's wall clock.
     pub kernel_ns: Option<i64>,
     /// Adapter's own stamp, ns on the adapter's clock.
@@ -186,6 +189,7 @@ impl CanFrame {
             flags,
             len: data.len() as u8,
             data: padded,
+            len8_dlc: 0,
             kernel_ns: None,
             hardware_ns: None,
         })

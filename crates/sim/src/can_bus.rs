@@ -257,6 +257,7 @@ pub(crate) fn frame(id: u32, fields: [Option<u16>; 4]) -> CanFrame {
         flags: CanFlags::default(),
         len: 8,
         data,
+        len8_dlc: 0,
         kernel_ns: None,
         hardware_ns: None,
     }

@@ -3,9 +3,9 @@
 //!
 //! Identifiers of three digits are 11-bit ones, of eight digits 29-bit ones. `#R` and a length
 //! stand for a remote frame; `##` and one hexadecimal digit of flags for a CAN FD frame (bit 0:
-//! bit-rate switch, bit 1: error state). Error frames have bit 29 set in an eight-digit identifier.
-
-use std::fmt::Write;
+//! bit-rate switch, bit 1: error state, bit 2: FD, which kernels set since version 5.14). Error frames
+//! have bit 29 set in an eight-digit identifier. `_` and a digit from 9 to F at the end are the data
+//! length code of a classic frame with eight bytes.
 
 use sample::{CanFlags, CanFrame};
 
@@ -70,45 +70,71 @@ pub fn parse_line(line: &str) -> Result<Line, LineError> {
 /// # Errors
 /// The text, if it is not a frame.
 pub fn parse_frame(text: &str) -> Result<CanFrame, LineError> {
-    let wrong = || LineError::new(text, "a frame such as 123#DEADBEEF");
-    let (identifier, rest) = text.split_once('#').ok_or_else(wrong)?;
-    let number = hex_number(identifier).ok_or_else(wrong)?;
-    let mut flags = CanFlags {
-        error: identifier.len() == 8 && number & ERROR_FLAG != 0,
-        ..CanFlags::default()
-    };
-    flags.extended = identifier.len() == 8 && !flags.error;
-    let id = match identifier.len() {
-        3 if number <= 0x7FF => number,
-        8 if flags.error => number & !ERROR_FLAG,
-        8 if number <= 0x1FFF_FFFF => number,
-        _ => return Err(wrong()),
-    };
-    if let Some(fd) = rest.strip_prefix('#') {
-        let (digit, data) = fd.split_at_checked(1).ok_or_else(wrong)?;
-        let bits = hex_number(digit).ok_or_else(wrong)?;
+    let found = frame_of(text.as_bytes());
+    found
+        .map(|found| found.frame)
+        .ok_or_else(|| LineError::new(text, "a frame such as 123#DEADBEEF"))
+}
+
+/// A frame as text, and the form of the text.
+pub(crate) struct FrameText {
+    pub frame: CanFrame,
+    /// The digit of the flags of a CAN FD frame.
+    pub fd_digit: u8,
+}
+
+/// Reads a frame without time and interface.
+pub(crate) fn frame_of(text: &[u8]) -> Option<FrameText> {
+    let split = text.iter().take(9).position(|byte| *byte == b'#')?;
+    let (identifier, rest) = (&text[..split], &text[split + 1..]);
+    let (id, mut flags) = identifier_of(identifier)?;
+    if let [b'#', digit, data @ ..] = rest {
+        let fd_digit = nibble(*digit)?;
         flags.fd = true;
-        flags.bit_rate_switch = bits & 1 != 0;
-        flags.error_state = bits & 2 != 0;
-        return CanFrame::new(id, flags, &hex_bytes(data).ok_or_else(wrong)?).ok_or_else(wrong);
+        flags.bit_rate_switch = fd_digit & 1 != 0;
+        flags.error_state = fd_digit & 2 != 0;
+        let mut frame = CanFrame::new(id, flags, &[])?;
+        frame.len = hex_bytes(data, &mut frame.data)?;
+        return Some(FrameText { frame, fd_digit });
     }
-    if let Some(length) = rest.strip_prefix(['R', 'r']) {
-        flags.remote = true;
-        let length = length.split('_').next().unwrap_or_default();
-        let len = match length {
-            "" => 0,
-            digit => hex_number(digit)
-                .filter(|len| *len <= 8)
-                .ok_or_else(wrong)?,
+    let mut frame = CanFrame::new(id, flags, &[])?;
+    let (data, code) = match rest {
+        [data @ .., b'_', code] => (data, Some(nibble(*code)?)),
+        data => (data, None),
+    };
+    if let [b'R' | b'r', length @ ..] = data {
+        frame.flags.remote = true;
+        frame.len = match length {
+            [] => 0,
+            [digit] => nibble(*digit).filter(|len| *len <= 8)?,
+            _ => return None,
         };
-        let frame = CanFrame::new(id, flags, &[]).ok_or_else(wrong)?;
-        return Ok(CanFrame {
-            len: len as u8,
-            ..frame
-        });
+    } else {
+        frame.len = hex_bytes(data, frame.data.first_chunk_mut::<8>()?)?;
     }
-    let data = rest.split('_').next().unwrap_or_default();
-    CanFrame::new(id, flags, &hex_bytes(data).ok_or_else(wrong)?).ok_or_else(wrong)
+    if let Some(code) = code {
+        frame.len8_dlc = Some(code).filter(|code| frame.len == 8 && *code > 8)?;
+    }
+    Some(FrameText { frame, fd_digit: 0 })
+}
+
+/// The identifier and the flags that its digits tell.
+pub(crate) fn identifier_of(digits: &[u8]) -> Option<(u32, CanFlags)> {
+    let mut number = 0;
+    for digit in digits {
+        number = number << 4 | u32::from(nibble(*digit)?);
+    }
+    let mut flags = CanFlags::default();
+    match digits.len() {
+        3 if number <= 0x7FF => {}
+        8 if number & ERROR_FLAG != 0 && number >> 30 == 0 => {
+            flags.error = true;
+            number &= !ERROR_FLAG;
+        }
+        8 if number <= 0x1FFF_FFFF => flags.extended = true,
+        _ => return None,
+    }
+    Some((number, flags))
 }
 
 /// Writes one line, without its end. A frame without a kernel stamp gets time zero.
@@ -125,29 +151,49 @@ pub fn format_line(interface: &str, frame: &CanFrame) -> String {
 /// Writes a frame without time and interface.
 #[must_use]
 pub fn format_frame(frame: &CanFrame) -> String {
+    let mut text = Vec::with_capacity(32);
+    write_frame(&mut text, frame, 0, UPPER);
+    text.iter().map(|byte| char::from(*byte)).collect()
+}
+
+/// Digits of hexadecimal numbers.
+pub(crate) const UPPER: &[u8; 16] = b"0123456789ABCDEF";
+/// Digits of hexadecimal numbers.
+pub(crate) const LOWER: &[u8; 16] = b"0123456789abcdef";
+
+/// Appends a frame without time and interface; `fd_bits` are set in the digit of the flags of a CAN FD
+/// frame.
+pub(crate) fn write_frame(text: &mut Vec<u8>, frame: &CanFrame, fd_bits: u8, digits: &[u8; 16]) {
     let flags = frame.flags;
-    let mut text = if flags.error {
-        format!("{:08X}#", frame.id | ERROR_FLAG)
-    } else if flags.extended {
-        format!("{:08X}#", frame.id)
-    } else {
-        format!("{:03X}#", frame.id)
+    let mut push = |value: u32, places: u32| {
+        let shifts = (0..places).rev();
+        text.extend(shifts.map(|place| digits[(value >> (4 * place) & 15) as usize]));
     };
+    match (flags.error, flags.extended) {
+        (true, _) => push(frame.id | ERROR_FLAG, 8),
+        (false, true) => push(frame.id, 8),
+        (false, false) => push(frame.id, 3),
+    }
+    text.push(b'#');
     if flags.fd {
         let bits = u8::from(flags.bit_rate_switch) | u8::from(flags.error_state) << 1;
-        // Writing into a String cannot fail.
-        let _ = write!(text, "#{bits:X}");
+        text.extend([b'#', digits[usize::from((bits | fd_bits) & 15)]]);
     }
     if flags.remote {
-        text.push('R');
+        text.push(b'R');
         if frame.len > 0 {
-            let _ = write!(text, "{:X}", frame.len);
+            text.push(digits[usize::from(frame.len & 15)]);
         }
     }
     for byte in frame.bytes() {
-        let _ = write!(text, "{byte:02X}");
+        text.extend([
+            digits[usize::from(byte >> 4)],
+            digits[usize::from(byte & 15)],
+        ]);
     }
-    text
+    if frame.len8_dlc > 8 {
+        text.extend([b'_', digits[usize::from(frame.len8_dlc & 15)]]);
+    }
 }
 
 /// `(seconds.fraction)` in ns; the fraction has up to nine digits.
@@ -164,21 +210,28 @@ fn parse_stamp(word: &str) -> Option<i64> {
     seconds.checked_mul(1_000_000_000)?.checked_add(nanos)
 }
 
-fn hex_number(text: &str) -> Option<u32> {
-    let digits = text.bytes().all(|byte| byte.is_ascii_hexdigit());
-    digits.then(|| u32::from_str_radix(text, 16).ok())?
+/// Value of a hexadecimal digit.
+pub(crate) const fn nibble(digit: u8) -> Option<u8> {
+    match digit {
+        b'0'..=b'9' => Some(digit - b'0'),
+        b'a'..=b'f' => Some(digit - b'a' + 10),
+        b'A'..=b'F' => Some(digit - b'A' + 10),
+        _ => None,
+    }
 }
 
-/// Bytes of two digits each; dots between them are passed over.
-fn hex_bytes(text: &str) -> Option<Vec<u8>> {
-    let digits: Vec<u32> = text
-        .chars()
-        .filter(|digit| *digit != '.')
-        .map(|digit| digit.to_digit(16))
-        .collect::<Option<_>>()?;
-    let pairs = digits.chunks_exact(2);
-    pairs.remainder().is_empty().then_some(())?;
-    Some(pairs.map(|pair| (pair[0] << 4 | pair[1]) as u8).collect())
+/// Bytes of two digits each, with or without a dot before each byte but the first; their number.
+fn hex_bytes(mut text: &[u8], bytes: &mut [u8]) -> Option<u8> {
+    let mut count = 0;
+    while let [high, low, rest @ ..] = text {
+        *bytes.get_mut(usize::from(count))? = nibble(*high)? << 4 | nibble(*low)?;
+        count += 1;
+        text = match rest {
+            [b'.', more @ ..] if !more.is_empty() => more,
+            _ => rest,
+        };
+    }
+    text.is_empty().then_some(count)
 }
 
 #[cfg(test)]

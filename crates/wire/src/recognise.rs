@@ -149,7 +149,7 @@ const TABLE: [Row; 15] = [
         name: "lines of candump",
         kind: None,
         advice: "read the CAN interface itself with kind = \"can\", or import the file with \
-                 `atvrec import log`",
+                 `atvrec import candump`",
     },
     Row {
         format: Format::Nmea2000,

@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 59] = [
+pub const EXAMPLES: [(&str, &str); 67] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -48,6 +48,14 @@ pub const EXAMPLES: [(&str, &str); 59] = [
     (
         "atvrec simulate --manoeuvre slow-sine -o sine.mcap",
         "write the data of a virtual drive to a log",
+    ),
+    (
+        "atvrec export drive.mcap --raw candump -o drive.log",
+        "write the CAN frames as candump does",
+    ),
+    (
+        "atvrec export drive.mcap --raw bytes --source gnss -o gnss.bin",
+        "write what the receiver sent",
     ),
     (
         "atvrec export drive.mcap --topic /estimate/tyre_forces -o forces.csv",
@@ -181,6 +189,30 @@ pub const EXAMPLES: [(&str, &str); 59] = [
     (
         "atvrec import alog drive.alog -o drive.mcap",
         "make a log of a MOOS log",
+    ),
+    (
+        "atvrec import candump drive.log --dbc car.dbc -o drive.mcap",
+        "make a log of a log of candump, decoded by a DBC file",
+    ),
+    (
+        "atvrec import asc drive.asc -c atvrec.toml -o drive.mcap",
+        "make a log of an ASC log, and estimate with the roles of a configuration",
+    ),
+    (
+        "atvrec import trc bus1.trc bus2.trc -o drive.mcap",
+        "make a log of the TRC logs of two buses",
+    ),
+    (
+        "atvrec import blf drive.blf -o drive.mcap",
+        "make a log of a BLF log, with raw frames only",
+    ),
+    (
+        "atvrec import mf4 drive.mf4 --dbc can1=car.dbc -o drive.mcap",
+        "make a log of an MF4 file, one of whose buses is decoded",
+    ),
+    (
+        "atvrec import gnss rover.ubx -o drive.mcap",
+        "make a log of what a GNSS receiver sent",
     ),
     (
         "atvrec import vehicle params.json -o vehicle.toml",

@@ -15,6 +15,18 @@ pub enum ImportCommand {
     Csv(ImportCsvArgs),
     /// Convert a MOOS .alog file to a log.
     Alog(ImportAlogArgs),
+    /// Convert a log of candump (can-utils) to a log.
+    Candump(ImportCanArgs),
+    /// Convert an ASC log of Vector's tools to a log.
+    Asc(ImportCanArgs),
+    /// Convert a TRC log of PEAK-System's tools to a log.
+    Trc(ImportCanArgs),
+    /// Convert a BLF log of Vector's tools to a log.
+    Blf(ImportCanArgs),
+    /// Convert an MF4 file with CAN frames to a log.
+    Mf4(ImportCanArgs),
+    /// Convert the raw output of a GNSS receiver (NovAtel, SBF, UBX, NMEA) to a log.
+    Gnss(ImportGnssArgs),
 }
 
 /// `atvrec import csv`.
@@ -29,6 +41,9 @@ pub struct ImportCsvArgs {
     /// Log to write.
     #[command(flatten)]
     pub into: ImportInto,
+    /// Treatment of the rows.
+    #[command(flatten)]
+    pub rows: ImportRows,
 }
 
 /// `atvrec import alog`.
@@ -40,6 +55,20 @@ pub struct ImportAlogArgs {
     /// Map of the variables [default: the variable names of Auburn's GAVLab].
     #[arg(long, value_name = "MAP.toml")]
     pub columns: Option<PathBuf>,
+    /// Log to write.
+    #[command(flatten)]
+    pub into: ImportInto,
+    /// Treatment of the lines.
+    #[command(flatten)]
+    pub rows: ImportRows,
+}
+
+/// `atvrec import gnss`.
+#[derive(Debug, Args)]
+pub struct ImportGnssArgs {
+    /// File with what the receiver sent.
+    #[arg(value_name = "FILE")]
+    pub input: PathBuf,
     /// Log to write.
     #[command(flatten)]
     pub into: ImportInto,
@@ -63,6 +92,14 @@ pub struct ImportInto {
     /// Log to write.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
+/// Treatment of the rows of a table.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct ImportRows {
     /// Write one run for the rows on each side of a gap of more than 1 h: NAME-1.mcap,
     /// NAME-2.mcap, ... Without this option, such a gap is an error.
     #[arg(long)]
@@ -70,9 +107,21 @@ pub struct ImportInto {
     /// Import values whose units cannot be right. Without this option, they are an error.
     #[arg(long)]
     pub accept_units: bool,
-    /// Whether outputs may replace files.
+}
+
+/// `atvrec import candump`, `asc`, `trc`, `blf` and `mf4`.
+#[derive(Debug, Args)]
+pub struct ImportCanArgs {
+    /// Logs of one drive; the times in all logs must be of the same clock.
+    #[arg(required = true, value_name = "FILE")]
+    pub input: Vec<PathBuf>,
+    /// DBC file of all buses on which it knows an identifier, or of the bus with this name; can be
+    /// given several times. Without DBC file, the log has raw frames only.
+    #[arg(long, value_name = "[BUS=]FILE", conflicts_with = "config")]
+    pub dbc: Vec<String>,
+    /// Log to write.
     #[command(flatten)]
-    pub replace: Replace,
+    pub into: ImportInto,
 }
 
 /// `atvrec import vehicle`.

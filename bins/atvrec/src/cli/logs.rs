@@ -225,6 +225,17 @@ pub struct InfoArgs {
     pub json: bool,
 }
 
+/// Format of raw data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RawFormat {
+    /// Text of candump (can-utils).
+    Candump,
+    /// Text log of Vector's tools.
+    Asc,
+    /// Bytes of a source, as they arrived.
+    Bytes,
+}
+
 /// `atvrec export`.
 #[derive(Debug, Args)]
 pub struct ExportArgs {
@@ -232,9 +243,16 @@ pub struct ExportArgs {
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
     /// Topic to export; `atvrec info` lists the topics of a log.
-    #[arg(short, long, value_name = "TOPIC")]
-    pub topic: String,
-    /// Table to write: .csv or .parquet. Without this option, CSV goes to standard output.
+    #[arg(short, long, value_name = "TOPIC", required_unless_present = "raw")]
+    pub topic: Option<String>,
+    /// Export what the sources sent instead of a topic: the CAN frames, or the bytes of one source.
+    #[arg(long, value_enum, value_name = "FORMAT", conflicts_with = "topic")]
+    pub raw: Option<RawFormat>,
+    /// With --raw, export this source only; can be given several times for CAN frames.
+    #[arg(long, value_name = "NAME", requires = "raw")]
+    pub source: Vec<String>,
+    /// File to write: .csv or .parquet, or any name with --raw. Without this option, text or bytes go to
+    /// standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Ignore earlier data; seconds from the start of the log.

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "formats")]
 mod parquet;
+mod raw;
 mod text;
 
 use std::io::{BufWriter, Write};
@@ -25,12 +26,13 @@ const TABLE: Kind = Kind::Table {
 
 /// Runs the command.
 pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
+    let kind = if args.raw.is_some() { Kind::Any } else { TABLE };
     let target = args
         .output
         .as_ref()
         .map(|path| {
             let inputs = args.logs.iter().map(|log| &**log);
-            Target::new(path, TABLE, args.replace.force, inputs)
+            Target::new(path, kind, args.replace.force, inputs)
         })
         .transpose()?;
     if let Some((from_s, to_s)) = args.from_s.zip(args.to_s).filter(|(from, to)| from > to) {
@@ -39,8 +41,6 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
     }
     let reader = Reader::open(&args.logs)?;
     let info = reader.info();
-    let left_out = LeftOut::of(&reader);
-    check_topic(&args.topic, &info, &left_out)?;
     super::check_from(args.from_s, &info)?;
     let begin = info.span.map_or(LogTime(0), |(first, _)| first);
     let start = args
@@ -49,17 +49,23 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let end = args
         .to_s
         .map_or(LogTime(u64::MAX), |to_s| begin.offset_seconds(to_s));
+    let span_s = end_of(&info, end).seconds_since(start.max(begin));
+    let progress = Progress::seconds("export", span_s, quiet);
+    if let Some(format) = args.raw {
+        let raw = raw::Raw::new(&reader, format, &args.source)?;
+        raw.write(target.as_ref(), [start, end], &progress)?;
+        return Ok(report_missing(info.missing));
+    }
+    let left_out = LeftOut::of(&reader);
+    let topic = args.topic.as_deref().unwrap_or_default();
+    check_topic(topic, &info, &left_out)?;
     let export = Export {
         reader: &reader,
         left_out: &left_out,
-        topic: &args.topic,
+        topic,
         span: [start, end],
         utc: reader.utc_offset()?,
-        progress: Progress::seconds(
-            "export",
-            end_of(&info, end).seconds_since(start.max(begin)),
-            quiet,
-        ),
+        progress,
         interrupt: Interrupt::listen()?,
         begin: start.max(begin),
     };
@@ -70,6 +76,11 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let mut missing = info.missing;
     missing.retain(|missing| !matches!(missing, Missing::NoSchema { .. }));
     missing.extend(written.missing);
+    Ok(report_missing(missing))
+}
+
+/// Prints what is missing in the log.
+fn report_missing(missing: Vec<Missing>) -> Outcome {
     for line in missing::summary(&missing) {
         tracing::warn!("{line}");
     }
@@ -78,11 +89,11 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
         use Missing::{Cut, Parts, Unfinished};
         !matches!(missing, Unfinished { .. } | Cut { .. } | Parts { .. })
     };
-    Ok(if missing.iter().any(is_loss) {
+    if missing.iter().any(is_loss) {
         Outcome::DataLoss
     } else {
         Outcome::Good
-    })
+    }
 }
 
 /// Refuses a topic that is neither in the log nor left out of it.

@@ -4,11 +4,14 @@
 //! the time in the file. Therefore it can be replayed, reported and scored like a recording.
 
 mod alog;
+mod can;
 mod clock;
 mod csv;
 mod decode;
+mod gnss;
 mod log;
 mod plausible;
+mod run;
 mod signals;
 mod text;
 mod truth;
@@ -20,8 +23,9 @@ use engine::Config;
 use engine::config::{Meaning, Problems};
 use model::file::Problem;
 use sample::LogTime;
+use wire::can_log::Format;
 
-use crate::cli::{ImportCommand, ImportInto};
+use crate::cli::{ImportCommand, ImportInto, ImportRows};
 use crate::exit::{Outcome, UsageError};
 use crate::interrupt::Interrupt;
 use engine::output::{Kind, Target};
@@ -42,6 +46,12 @@ pub fn run(command: &ImportCommand, quiet: bool) -> anyhow::Result<Outcome> {
         ImportCommand::Vehicle(args) => vehicle::run(args),
         ImportCommand::Csv(args) => csv::run(args, quiet),
         ImportCommand::Alog(args) => alog::run(args, quiet),
+        ImportCommand::Candump(args) => can::run(Format::Candump, args, quiet),
+        ImportCommand::Asc(args) => can::run(Format::Asc, args, quiet),
+        ImportCommand::Trc(args) => can::run(Format::Trc, args, quiet),
+        ImportCommand::Blf(args) => can::run(Format::Blf, args, quiet),
+        ImportCommand::Mf4(args) => can::run(Format::Mf4, args, quiet),
+        ImportCommand::Gnss(args) => gnss::run(args, quiet),
     }
 }
 
@@ -65,6 +75,8 @@ struct Output<'p> {
     log: Target,
     /// Arguments of the user.
     into: &'p ImportInto,
+    /// Treatment of rows, if the input is a table.
+    rows: Option<ImportRows>,
     /// Input files.
     inputs: Vec<&'p Path>,
     /// Nothing is shown while the import runs.
@@ -75,6 +87,7 @@ struct Output<'p> {
 /// Checks the output; `tables` are the imported files and their column maps.
 fn output<'p>(
     into: &'p ImportInto,
+    rows: Option<ImportRows>,
     tables: impl IntoIterator<Item = &'p PathBuf>,
     quiet: bool,
 ) -> anyhow::Result<Output<'p>> {
@@ -84,6 +97,7 @@ fn output<'p>(
     Ok(Output {
         log: Target::new(&into.output, Kind::Log, into.replace.force, inputs.clone())?,
         into,
+        rows,
         inputs,
         quiet,
         interrupt: Interrupt::listen()?,
@@ -210,6 +224,11 @@ fn configuration(
         }
         text.push('\n');
     }
+    configuration_of(text, into)
+}
+
+/// The configuration with these sources and the vehicle of the arguments.
+fn configuration_of(mut text: String, into: &ImportInto) -> anyhow::Result<Config> {
     if let Some(vehicle) = &into.vehicle {
         text.push_str(&format!("[vehicle]\nfile = {}\n", quoted(vehicle)));
         for (key, value) in [

@@ -119,7 +119,11 @@ fn a_log_of_the_first_version_is_read_by_every_command() {
         let export = |log: &str| stdout(&run(&["export", log, "-t", topic]).success());
         let (before, after) = (export(log), export("again.mcap"));
         // The first version did not write `/utc_offset`.
-        let after = without_last_column(&after, "utc_ns");
+        let mut after = without_last_column(&after, "utc_ns");
+        if topic == "/raw/can0" {
+            // Nor did it know data length codes above 8 of classic frames.
+            after = without_last_column(&after.join("\n"), "kind_len8_dlc");
+        }
         assert!(before.lines().eq(after), "{topic}");
     }
 }

@@ -22,6 +22,8 @@ mod folder;
 mod hostile;
 mod identify;
 mod import;
+mod import_can;
+mod import_gnss;
 mod import_kinds;
 mod init;
 mod inputs;

@@ -1596,6 +1596,10 @@ pub struct RawCan {
     /// no data.
     #[prost(bytes = "vec", tag = "12")]
     pub data_zstd: ::prost::alloc::vec::Vec<u8>,
+    /// Data length code of each kind, 9 to 15, if it is a classic frame with 8 bytes and such a code; else
+    /// 0. Empty if all are 0.
+    #[prost(bytes = "vec", tag = "13")]
+    pub kind_len8_dlc: ::prost::alloc::vec::Vec<u8>,
 }
 impl ::prost::Name for RawCan {
     const NAME: &'static str = "RawCan";

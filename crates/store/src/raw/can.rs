@@ -56,6 +56,9 @@ impl Packer {
         message.kind_id = kinds().map(|kind| kind.0).collect();
         message.kind_flags = kinds().map(|kind| kind.1).collect();
         message.kind_length = kinds().map(|kind| kind.2).collect();
+        if kinds().any(|kind| kind.3 != 0) {
+            message.kind_len8_dlc = kinds().map(|kind| kind.3).collect();
+        }
         add_stamps(&mut message, &frames);
         message.data_zstd = self.pack(&transpose(&message, &frames));
         message.stamps = Some(stamps);
@@ -191,6 +194,9 @@ fn frames_of(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
             value: (*kind).into(),
         })? += 1;
     }
+    if !message.kind_len8_dlc.is_empty() {
+        expect_len("kind_len8_dlc", kinds, message.kind_len8_dlc.len())?;
+    }
     // Start of each kind's block in the data, and width of its rows.
     let mut start = Vec::with_capacity(kinds);
     let mut total = 0_usize;
@@ -238,6 +244,7 @@ fn frames_of(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
             flags: CanFlags::from_bits(message.kind_flags[kind]),
             len: message.kind_length[kind],
             data: *data,
+            len8_dlc: message.kind_len8_dlc.get(kind).copied().unwrap_or(0),
             kernel_ns: if kernel_at(index) {
                 kernel.next()
             } else {

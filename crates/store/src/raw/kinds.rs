@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use sample::CanFrame;
 
-/// Common properties of frames of one kind: identifier, flags, length.
-pub(super) type Kind = (u32, u8, u8);
+/// Common properties of frames of one kind: identifier, flags, length, [`CanFrame::len8_dlc`].
+pub(super) type Kind = (u32, u8, u8, u8);
 
 /// More kinds than a bus has. Beyond this number all kinds are forgotten, so that a faulty bus cannot
 /// fill the memory.
@@ -40,7 +40,8 @@ impl Kinds {
 
     /// Number of a frame's kind in this batch.
     pub fn of(&mut self, frame: &CanFrame) -> u32 {
-        let kind = (frame.id, frame.flags.to_bits(), frame.len.min(64));
+        let length = frame.len.min(64);
+        let kind = (frame.id, frame.flags.to_bits(), length, frame.len8_dlc);
         let place = self.place(kind);
         self.last = place;
         if let Some(number) = self.known[place].number {

@@ -130,6 +130,9 @@ fn frame(random: &mut Random, log_time: LogTime) -> CanFrame {
         .collect();
     let mut frame =
         CanFrame::new(0x100 + random.below(6) as u32, flags, &data).expect("the length fits");
+    if frame.len == 8 && !flags.fd && random.below(4) == 0 {
+        frame.len8_dlc = 9 + random.below(7) as u8;
+    }
     frame.kernel_ns = (random.below(5) > 0).then(|| log_time.0 as i64 - 20_000);
     frame.hardware_ns = (random.below(5) == 0).then(|| random.below(1 << 40) as i64);
     frame

@@ -308,9 +308,11 @@ impl Objects {
         Summary {
             stamps: Stamps::SinceStart,
             start_ns,
+            channels: self.channels.iter().map(u16::to_string).collect(),
             frames: self.frames,
             left_out: self.left_out,
-            defects: self.defects.sentences(),
+            ..Summary::default()
         }
+        .with(self.defects)
     }
 }

@@ -23,6 +23,17 @@ pub enum Error {
         /// What the user can do.
         advice: &'static str,
     },
+    /// The file has a format that is not read.
+    #[error("the file is {found}; {help}")]
+    NotRead {
+        /// Format of the file.
+        found: &'static str,
+        /// What the user can do.
+        help: &'static str,
+    },
+    /// The frames have no stamps.
+    #[error("the lines of the file have no time; record with `candump -L`, or with `candump -ta`")]
+    NoStamps,
     /// The file has no frames of a CAN bus, and no place for them.
     #[error("the file has no CAN frames, only measured signals: {signals}; read it as a table")]
     OnlySignals {

@@ -31,7 +31,7 @@ use std::ops::ControlFlow;
 
 use super::bytes::{u16_at, u64_at};
 use super::defects::Defects;
-use super::{Error, Sink, Stamps, Summary};
+use super::{Error, Record, Sink, Summary};
 pub use conversion::Physical;
 pub use table::{Column, RowSink, Table, Tables, Value};
 
@@ -59,13 +59,7 @@ const NAMES_MAX: usize = 5;
 pub fn read(input: &mut (impl Read + Seek), sink: &mut Sink<'_>) -> Result<Summary, Error> {
     let mut file = File::new(input)?;
     let mut defects = Defects::default();
-    let mut summary = Summary {
-        stamps: Stamps::SinceStart,
-        start_ns: None,
-        frames: 0,
-        left_out: BTreeMap::new(),
-        defects: Vec::new(),
-    };
+    let mut summary = Summary::default();
     let (data_groups, start_ns) = open(&mut file, &mut defects)?;
     summary.start_ns = start_ns;
     let names = names(&data_groups);
@@ -88,8 +82,7 @@ pub fn read(input: &mut (impl Read + Seek), sink: &mut Sink<'_>) -> Result<Summa
     };
     // `Break`: the sink wants no more frames.
     let _ = merge.run(sink)?;
-    merge.summary.defects = merge.defects.sentences();
-    Ok(merge.summary)
+    Ok(merge.summary.with(merge.defects))
 }
 
 /// Checks the identification and reads the header: data groups and start time.
@@ -226,10 +219,11 @@ impl<R: Read + Seek> Merge<'_, R> {
     }
 
     fn give(&mut self, waiting: Option<Reverse<Waiting>>, sink: &mut Sink<'_>) -> ControlFlow<()> {
-        let Some(Reverse(Waiting(ready))) = waiting else {
+        let Some(Reverse(Waiting(mut ready))) = waiting else {
             return ControlFlow::Continue(());
         };
         self.summary.frames += 1;
-        sink(ready.entry)
+        ready.entry.channel = ready.bus.and_then(|bus| self.summary.channel(&bus));
+        sink(Record::Frame(ready.entry))
     }
 }

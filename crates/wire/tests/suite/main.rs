@@ -1,5 +1,6 @@
 //! The decoders against reference decodes, mixtures and noise.
 
+mod can_log;
 mod can_logs;
 mod common;
 mod crossbow440;

@@ -17,7 +17,12 @@ use crate::exit::{Outcome, UsageError};
 
 /// Runs the command.
 pub fn run(args: &ImportAlogArgs, quiet: bool) -> anyhow::Result<Outcome> {
-    let output = output(&args.into, args.columns.iter().chain([&args.input]), quiet)?;
+    let output = output(
+        &args.into,
+        Some(args.rows),
+        args.columns.iter().chain([&args.input]),
+        quiet,
+    )?;
     let map_name = args
         .columns
         .as_ref()

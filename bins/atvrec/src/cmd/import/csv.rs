@@ -28,7 +28,8 @@ pub fn run(args: &ImportCsvArgs, quiet: bool) -> anyhow::Result<Outcome> {
         ))
         .into());
     }
-    let output = output(&args.into, args.input.iter().chain(columns), quiet)?;
+    let inputs = args.input.iter().chain(columns);
+    let output = output(&args.into, Some(args.rows), inputs, quiet)?;
     let map_of = |file: usize| &columns[file.min(columns.len() - 1)];
     let names = source_names(&args.input);
     let (mut tables, mut errors) = (Vec::new(), RowErrors::default());

@@ -2,29 +2,23 @@
 
 use std::path::Path;
 
-use engine::{Config, Entry, Feed, SILENCE_NS};
-use sample::text::printable;
-use sample::{LogTime, NANOS_PER_SECOND, Notice, Payload, STANDARD_GRAVITY_M_S2, SourceId};
-use store::Record;
+use engine::Config;
+use engine::config::Estimator;
+use sample::{LogTime, NANOS_PER_SECOND, Payload, STANDARD_GRAVITY_M_S2};
 
 use super::Output;
 use super::decode::{Decoded, decode};
 use super::plausible::Finding;
+use super::run::{Log, TAIL_NS, Written};
 use super::truth::TruthPoint;
 use crate::exit::{Outcome, UsageError};
 use crate::progress::Progress;
-use engine::output::{Kind, LogFile, Target};
+use engine::output::{Kind, Target};
 
-/// Interval of ticks, equal to that of the recorder, ns.
-const TICK_NS: i64 = NANOS_PER_SECOND / 10;
-/// Time that the log continues after the last line, so that the last estimate is computed, ns.
-const TAIL_NS: i64 = NANOS_PER_SECOND / 20;
 /// Longest time without rows within a run, ns.
 const GAP_MAX_NS: i64 = 3600 * NANOS_PER_SECOND;
 /// Most runs of an import.
 const RUNS_MAX: usize = 1000;
-/// Text of the notice of a source that ended normally.
-const STOPPED: &str = "stopped";
 /// Ratio of an interval to the median interval from which it counts as a gap.
 const GAP_FACTOR: u64 = 5;
 
@@ -69,7 +63,10 @@ pub fn write(
         anyhow::bail!("no row has data; check the table [time] of the column map and the files");
     }
     let gaps = gaps(&pieces);
-    if let (Some(first), false) = (gaps.first(), output.into.split_gaps) {
+    if let (Some(first), false) = (
+        gaps.first(),
+        output.rows.is_some_and(|rows| rows.split_gaps),
+    ) {
         return Err(UsageError(gap_text(sources, &pieces, *first, gaps.len())).into());
     }
     let mut runs = Vec::new();
@@ -82,7 +79,11 @@ pub fn write(
     for run in &runs {
         decoded.push(decode(config, sources, run)?);
     }
-    check_units(config, &decoded, output.into.accept_units)?;
+    check_units(
+        config,
+        &decoded,
+        output.rows.is_some_and(|rows| rows.accept_units),
+    )?;
     print_summary(sources, &runs, truth);
     let targets = targets(output, runs.len())?;
     for ((run, decoded), target) in runs.into_iter().zip(decoded).zip(targets) {
@@ -92,7 +93,9 @@ pub fn write(
         };
         let truth = truth.iter().filter(within).collect();
         let written = write_run(config, sources, run, truth, &decoded, &target, output)?;
-        written.print(config, &decoded, &target);
+        written.print(config, &target, |estimator| {
+            why_nothing(estimator, &decoded)
+        });
     }
     Ok(Outcome::Good)
 }
@@ -214,45 +217,20 @@ fn write_run(
         return Ok(Written::default());
     };
     let (start, end) = (first.time, last.time + TAIL_NS);
-    let ids: Vec<SourceId> = sources
-        .iter()
-        .filter_map(|source| config.sources.iter().find(|s| s.spec.name == source.name))
-        .map(|source| source.spec.id)
-        .collect();
     let names: Vec<&str> = sources.iter().map(|source| source.name).collect();
-    let run_id = format!("import-{}-{}", names.join("-"), start.0);
-    let session = engine::session::simulated(config, &run_id, start);
-    let mut log = Log {
-        feed: Feed::new(config)?,
-        file: target.log(session, config.storage.options.clone())?,
-        truth: truth.into_iter().peekable(),
-        start,
-        next_tick: start,
-        last_data: start,
-        written: Written::default(),
-    };
-    for id in &ids {
-        let opened = Payload::Notice(Notice::Opened("imported".to_owned()));
-        log.push(*id, start, opened)?;
-    }
+    let mut log = Log::create(config, &names, start, target, truth)?;
+    let ids = log.open(config, &names, "imported")?;
     let mut preambles: Vec<Vec<u8>> = sources.iter().map(|s| s.preamble.clone()).collect();
     let progress = Progress::seconds("import", end.seconds_since(start), output.quiet);
     for piece in pieces {
         output.interrupt.check()?;
         progress.set(piece.time.seconds_since(start));
-        log.tick_until(piece.time)?;
         let mut bytes = std::mem::take(&mut preambles[piece.source]);
         bytes.extend(piece.bytes);
-        log.push(ids[piece.source], piece.time, Payload::Bytes(bytes))?;
-        log.last_data = piece.time;
+        log.push_data(ids[piece.source], piece.time, Payload::Bytes(bytes))?;
     }
     progress.finish();
-    log.tick_until(end)?;
-    for id in &ids {
-        let closed = Payload::Notice(Notice::Closed(STOPPED.to_owned()));
-        log.push(*id, end, closed)?;
-    }
-    log.push(SourceId::HOST, end, Payload::Tick)?;
+    log.close(&ids, end)?;
     let expected = decoded.counts.iter().sum::<usize>();
     if log.written.measurements != expected {
         anyhow::bail!(
@@ -264,108 +242,17 @@ fn write_run(
     log.finish()
 }
 
-/// Records of a log.
-#[derive(Default)]
-struct Written {
-    measurements: usize,
-    estimates: usize,
-    /// Estimates with a motion or a force.
-    known: usize,
-}
-
-impl Written {
-    fn add(&mut self, record: &Record) {
-        match record {
-            Record::Sample(_) => self.measurements += 1,
-            Record::Estimate(estimate) => {
-                self.estimates += 1;
-                let force_n = estimate.carrier.0.iter().flat_map(|force| force.force_n);
-                let known = estimate.motion.velocity_x_m_s.is_finite()
-                    || force_n.into_iter().any(f64::is_finite);
-                self.known += usize::from(known);
-            }
-            _ => {}
-        }
-    }
-
-    fn print(&self, config: &Config, decoded: &Decoded, target: &Target) {
-        let path = target.path().display();
-        let Some(estimator) = &config.estimator else {
-            println!("{path}: {} decoded messages", self.measurements);
-            println!("nothing is estimated: no vehicle was given; --vehicle FILE gives one");
-            return;
-        };
-        println!(
-            "{path}: {} decoded messages, {} of {} estimates have a motion or a force",
-            self.measurements, self.known, self.estimates
-        );
-        if self.known > 0 {
-            return;
-        }
-        let lacks = decoded.drive.lacks();
-        let why = if estimator.vehicle.front.wishbone.is_some() {
-            "its linkages need strain, strut lengths and an inertial unit with all axes, or GNSS velocity \
-             and attitude"
-                .to_owned()
-        } else if lacks.is_empty() {
-            "speed and steer angle do not occur within 0.25 s of each other".to_owned()
-        } else {
-            format!("the single-track model lacks {}", lacks.join(" and "))
-        };
-        let name = printable(&estimator.vehicle.name);
-        tracing::warn!("nothing was estimated for {name}: {why}");
-    }
-}
-
-/// Log that is being written, and the feed of its engine.
-struct Log<'t> {
-    feed: Feed,
-    file: LogFile,
-    truth: std::iter::Peekable<std::vec::IntoIter<&'t TruthPoint>>,
-    start: LogTime,
-    next_tick: LogTime,
-    last_data: LogTime,
-    written: Written,
-}
-
-impl Log<'_> {
-    /// Writes ticks until `time`. During silence, in which there are no estimates, there are no ticks,
-    /// so that the size of the log depends on the size of the input only.
-    fn tick_until(&mut self, time: LogTime) -> anyhow::Result<()> {
-        let silent = self.last_data + (SILENCE_NS + TICK_NS);
-        while self.next_tick <= time {
-            if self.next_tick > silent {
-                let ticks = (time - self.start) / TICK_NS;
-                self.next_tick = self.start + ticks * TICK_NS;
-                if self.next_tick < time {
-                    self.next_tick = self.next_tick + TICK_NS;
-                }
-                return Ok(());
-            }
-            let tick = self.next_tick;
-            self.push(SourceId::HOST, tick, Payload::Tick)?;
-            self.next_tick = tick + TICK_NS;
-        }
-        Ok(())
-    }
-
-    fn push(&mut self, source: SourceId, time: LogTime, payload: Payload) -> anyhow::Result<()> {
-        while let Some(point) = self.truth.next_if(|point| point.time <= time) {
-            self.file.push(Entry::Record(point.record()))?;
-        }
-        let (file, written) = (&mut self.file, &mut self.written);
-        let mut sink = |entry: Entry| {
-            if let Entry::Record(record) = &entry {
-                written.add(record);
-            }
-            file.push(entry)
-        };
-        Ok(self.feed.push(source, time, payload, &mut sink)?)
-    }
-
-    fn finish(self) -> anyhow::Result<Written> {
-        self.file.finish()?;
-        Ok(self.written)
+/// Why nothing was estimated.
+fn why_nothing(estimator: &Estimator, decoded: &Decoded) -> String {
+    let lacks = decoded.drive.lacks();
+    if estimator.vehicle.front.wishbone.is_some() {
+        "its linkages need strain, strut lengths and an inertial unit with all axes, or GNSS velocity \
+         and attitude"
+            .to_owned()
+    } else if lacks.is_empty() {
+        "speed and steer angle do not occur within 0.25 s of each other".to_owned()
+    } else {
+        format!("the single-track model lacks {}", lacks.join(" and "))
     }
 }
 

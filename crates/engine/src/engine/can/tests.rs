@@ -41,6 +41,7 @@ fn angle_rad(roles: &[(usize, Role)], fields: [u16; 3], rods: bool) -> Option<f6
         flags: CanFlags::default(),
         len: 8,
         data,
+        len8_dlc: 0,
         kernel_ns: None,
         hardware_ns: None,
     };

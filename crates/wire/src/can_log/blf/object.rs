@@ -3,7 +3,7 @@
 use sample::{CanFlags, CanFrame};
 
 use crate::can_log::bytes::{u8_at, u16_at, u32_at, u64_at};
-use crate::can_log::{Direction, Entry};
+use crate::can_log::{Direction, Entry, len8_dlc};
 
 /// Bit of a 29-bit identifier.
 const EXTENDED: u32 = 0x8000_0000;
@@ -74,7 +74,9 @@ struct Fields {
 }
 
 /// Reads an object. `None`: the object is too short or its stamp does not fit.
-pub(super) fn decode(object: &[u8], kind: Kind, header_len: usize) -> Option<Entry> {
+///
+/// The result is the number of the channel, and the frame without it.
+pub(super) fn decode(object: &[u8], kind: Kind, header_len: usize) -> Option<(u16, Entry)> {
     if header_len < STAMPED {
         return None;
     }
@@ -107,13 +109,14 @@ pub(super) fn decode(object: &[u8], kind: Kind, header_len: usize) -> Option<Ent
         end => end.min(object.len()),
     };
     let data = object.get(data_start..data_end).unwrap_or_default();
-    Some(Entry {
+    let entry = Entry {
         stamp_ns,
-        channel: Some(fields.channel.to_string()),
+        channel: None,
         direction: fields.direction,
         dlc: fields.dlc,
         frame: fields.frame(data),
-    })
+    };
+    Some((fields.channel, entry))
 }
 
 impl Fields {
@@ -136,6 +139,7 @@ impl Fields {
             flags,
             len,
             data,
+            len8_dlc: len8_dlc(flags, self.dlc),
             kernel_ns: None,
             hardware_ns: None,
         }

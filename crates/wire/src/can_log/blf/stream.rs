@@ -5,9 +5,9 @@ use std::ops::ControlFlow;
 
 use super::PADDING;
 use super::object::{Kind, decode};
-use crate::can_log::Sink;
 use crate::can_log::bytes::{u16_at, u32_at};
 use crate::can_log::defects::Defects;
+use crate::can_log::{Record, Sink, position_of};
 
 /// First bytes of an object.
 pub(super) const SIGNATURE: &[u8; 4] = b"LOBJ";
@@ -32,6 +32,8 @@ pub(super) struct Objects {
     /// Place of the present container, bytes from the start of the file.
     pub file_position: u64,
     pub frames: u64,
+    /// Numbers of the channels, in the order of their first frames.
+    pub channels: Vec<u16>,
     pub left_out: BTreeMap<String, u64>,
     pub defects: Defects,
 }
@@ -45,6 +47,7 @@ impl Objects {
             gap_counted: false,
             file_position: 0,
             frames: 0,
+            channels: Vec::new(),
             left_out: BTreeMap::new(),
             defects,
         }
@@ -157,9 +160,10 @@ impl Objects {
             return ControlFlow::Continue(());
         }
         match decode(bytes, kind, header_len) {
-            Some(entry) => {
+            Some((channel, mut entry)) => {
                 self.frames += 1;
-                sink(entry)
+                entry.channel = position_of(&mut self.channels, &channel);
+                sink(Record::Frame(entry))
             }
             None => {
                 let text = "an object of a frame is too short or has no valid stamp";

@@ -8,7 +8,7 @@ use sample::{CanFlags, CanFrame};
 
 use super::channel::{Channel, Kind, Raw, Record};
 use super::layout::Group;
-use crate::can_log::{Direction, Entry};
+use crate::can_log::{Direction, Entry, len8_dlc};
 
 /// Bit of a 29-bit identifier in a channel of 32 bits.
 const EXTENDED: u64 = 0x8000_0000;
@@ -57,7 +57,10 @@ pub(super) struct FrameGroup {
 
 /// What a record gives.
 pub(super) struct Decoded {
+    /// The frame without its channel.
     pub entry: Entry,
+    /// Number or name of the channel.
+    pub bus: Option<String>,
     /// Offset of the data in the values of their own length, if the data is there.
     pub data_offset: Option<u64>,
     /// The record has no time.
@@ -140,6 +143,7 @@ impl FrameGroup {
             flags,
             len: self.data_len(record, dlc, fd),
             data: [0; 64],
+            len8_dlc: len8_dlc(flags, dlc),
             kernel_ns: None,
             hardware_ns: None,
         };
@@ -151,11 +155,12 @@ impl FrameGroup {
         Some(Decoded {
             entry: Entry {
                 stamp_ns: stamp_ns.unwrap_or_default(),
-                channel: bus.or_else(|| self.name.clone()),
+                channel: None,
                 direction,
                 dlc,
                 frame,
             },
+            bus: bus.or_else(|| self.name.clone()),
             data_offset,
             timeless: stamp_ns.is_none(),
         })

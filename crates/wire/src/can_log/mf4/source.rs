@@ -22,7 +22,10 @@ const FRAME_DATA_MAX: u64 = 64;
 /// A frame and its place in the order of the file: time, group, record.
 pub(super) struct Ready {
     pub key: (i64, usize, u64),
+    /// The frame without its channel.
     pub entry: Entry,
+    /// Number or name of the channel.
+    pub bus: Option<String>,
 }
 
 /// The file and what the reader counts.
@@ -319,6 +322,7 @@ impl Source {
         state.rest = state.rest.saturating_sub(1);
         let Some(Decoded {
             mut entry,
+            bus,
             data_offset,
             timeless,
         }) = decoded
@@ -347,7 +351,7 @@ impl Source {
             }
         };
         let key = (entry.stamp_ns, *order, index);
-        let ready = Ready { key, entry };
+        let ready = Ready { key, entry, bus };
         self.pending.push_back(Pending { ready, wanted });
         Ok(true)
     }

@@ -24,7 +24,7 @@ fn files_give_the_frames_of_the_reference() {
         println!("{name}: {summary:?}");
         assert_eq!(summary.stamps, Stamps::SinceStart);
         assert!(summary.start_ns.is_some(), "{name}");
-        assert_rows(&name, &entries, &rows(&folder));
+        assert_rows(&name, (&entries, &summary), &rows(&folder));
         assert_eq!(
             summary.defects.is_empty(),
             !name.contains("cut"),

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use atvrec_wire::can_log::{Direction, Entry, Error, Sink, Summary};
+use atvrec_wire::can_log::{Direction, Entry, Error, Record, Sink, Summary};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::{Map, Value, json};
@@ -63,8 +63,10 @@ pub fn entries(
     read: impl FnOnce(&mut Sink<'_>) -> Result<Summary, Error>,
 ) -> Result<(Vec<Entry>, Summary), Error> {
     let mut entries = Vec::new();
-    let summary = read(&mut |entry| {
-        entries.push(entry);
+    let summary = read(&mut |record| {
+        if let Record::Frame(entry) = record {
+            entries.push(entry);
+        }
         ControlFlow::Continue(())
     })?;
     assert_eq!(summary.frames, entries.len() as u64);
@@ -75,14 +77,18 @@ pub fn entries(
 ///
 /// # Panics
 /// At the first difference.
-pub fn assert_rows(name: &str, entries: &[Entry], rows: &[Map<String, Value>]) {
+pub fn assert_rows(
+    name: &str,
+    (entries, summary): (&[Entry], &Summary),
+    rows: &[Map<String, Value>],
+) {
     for (number, (entry, row)) in entries.iter().zip(rows).enumerate() {
-        assert_row(&format!("{name}, frame {number}"), entry, row);
+        assert_row(&format!("{name}, frame {number}"), entry, summary, row);
     }
     assert_eq!(entries.len(), rows.len(), "{name}: number of frames");
 }
 
-fn assert_row(place: &str, entry: &Entry, row: &Map<String, Value>) {
+fn assert_row(place: &str, entry: &Entry, summary: &Summary, row: &Map<String, Value>) {
     let exact = row.get("t_ns").and_then(Value::as_i64);
     let seconds = row["t_s"].as_f64().expect("a time");
     let ulp_ns = 1e9 * seconds.abs() * f64::EPSILON;
@@ -99,7 +105,10 @@ fn assert_row(place: &str, entry: &Entry, row: &Map<String, Value>) {
         Value::String(name) => Some(name.clone()),
         number => Some(number.to_string()),
     };
-    assert_eq!(entry.channel, channel, "{place}: channel");
+    let found = entry
+        .channel
+        .map(|at| summary.channels[usize::from(at)].clone());
+    assert_eq!(found, channel, "{place}: channel");
     let direction = entry
         .direction
         .map_or(Value::Null, |direction| match direction {
