@@ -6,7 +6,7 @@ use std::path::Path;
 
 use sample::{StrainChannel, Wheel};
 
-use crate::support::{atvrec, stdout};
+use crate::support::{atvrec, stderr, stdout};
 
 const OPTIONS: &str = r#"
 [hidden]
@@ -191,6 +191,38 @@ fn a_log_without_a_channel_is_refused_by_its_name() {
             assert!(!directory.path().join("calibration.toml").exists());
         }
     }
+}
+
+/// `calibrate hub` refused every log, because the readings of the hub accelerometers were not read from it.
+#[test]
+fn hub_accelerometers_are_calibrated_and_one_that_is_turned_is_named() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let drive = |options: &str, output: &str| {
+        std::fs::write(directory.path().join("options.toml"), options).expect("written");
+        let simulate = ["-q", "simulate", "-m", "launch-brake", "--output", output];
+        let sensors = ["--sensors", "thesis-10bit-hub", "--options", "options.toml"];
+        let mut command = atvrec(directory.path());
+        command.args(simulate).args(sensors).assert().success();
+    };
+    drive("", "brake.mcap");
+    let mut command = atvrec(directory.path());
+    let told = stdout(
+        &command
+            .args(["calibrate", "hub", "brake.mcap"])
+            .assert()
+            .success(),
+    );
+    assert!(told.contains("wrote calibration.toml"), "{told}");
+
+    let turned = "[[faults.hub]]\nwheel = \"rear_right\"\nturned_rad = [1.5708, 0.0, 0.0]\n";
+    drive(turned, "turned.mcap");
+    let mut command = atvrec(directory.path());
+    let refused = command
+        .args(["calibrate", "hub", "turned.mcap"])
+        .assert()
+        .failure();
+    let told = stderr(&refused);
+    assert!(told.contains("hub RR: mean of y at rest"), "{told}");
 }
 
 /// The system kills a program that writes past its limit of a file's size: here in the middle of the new
