@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python browser screenshots rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb clean
+.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python browser screenshots rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb arm64 clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -80,6 +80,9 @@ rig-full: deb ## The whole rig: the service from the Debian package, twenty powe
 
 deb: setup ## The Debian packages: target/debian/atvrec_*.deb, and its debug information
 	@scripts/deb
+
+arm64: setup ## The Debian package for arm64 (target/debian-arm64), tests under emulation, and whether arm64 gives the same bits (an hour; not a part of test)
+	@scripts/test-arm64
 
 kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each costs, whether all logs open
 	@scripts/kills

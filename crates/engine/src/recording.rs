@@ -9,11 +9,12 @@ use store::{Reader, Record, Selection, Values};
 use crate::{Config, Error, Result};
 
 /// Topics that are read.
-const TOPICS: [&str; 7] = [
+const TOPICS: [&str; 8] = [
     "/imu/*",
     "/gnss/*",
     "/strain",
     "/deflection",
+    "/hub_acceleration",
     "/steer",
     "/wheel_speed",
     "/mark",

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use sample::{StrainChannel, Wheel};
 
-use crate::support::{atvrec, stdout};
+use crate::support::{atvrec, stderr, stdout};
 
 const OPTIONS: &str = r#"
 [hidden]
@@ -191,6 +191,32 @@ fn a_log_without_a_channel_is_refused_by_its_name() {
             assert!(!directory.path().join("calibration.toml").exists());
         }
     }
+}
+
+/// `calibrate hub` refused every log, because the readings of the hub accelerometers were not read from it.
+#[test]
+fn hub_accelerometers_are_calibrated_and_one_that_is_turned_is_named() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let drive = |manoeuvre: &str, options: &str, output: &str| {
+        std::fs::write(directory.path().join("options.toml"), options).expect("written");
+        let simulate = ["-q", "simulate", "-m", manoeuvre, "--output", output];
+        let sensors = ["--sensors", "thesis-10bit-hub", "--options", "options.toml"];
+        let mut command = atvrec(directory.path());
+        command.args(simulate).args(sensors).assert().success();
+    };
+    let calibrate = |rest: &str| {
+        let logs = ["calibrate", "hub", rest, "brake.mcap"];
+        atvrec(directory.path()).args(logs).assert()
+    };
+    drive("turned", "", "rest.mcap");
+    drive("launch-brake", "", "brake.mcap");
+    let told = stdout(&calibrate("rest.mcap").success());
+    assert!(told.contains("wrote calibration.toml"), "{told}");
+
+    let turned = "[[faults.hub]]\nwheel = \"rear_right\"\nturned_rad = [1.5708, 0.0, 0.0]\n";
+    drive("turned", turned, "wrong.mcap");
+    let told = stderr(&calibrate("wrong.mcap").failure());
+    assert!(told.contains("hub RR: mean of y at rest"), "{told}");
 }
 
 /// The system kills a program that writes past its limit of a file's size: here in the middle of the new

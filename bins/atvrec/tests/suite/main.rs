@@ -19,6 +19,7 @@ mod estimate;
 mod export;
 mod files;
 mod folder;
+mod guide;
 mod hostile;
 mod identify;
 mod import;

@@ -165,12 +165,16 @@ pub fn horizontal_axes(columns: &Columns, reference: &Reference, judgement: &mut
     ];
     let follows = lines.map(|line| line.map(|line| line.follows()));
     let half_turn = follows == [Some(Follows::Reversed); 2];
-    let angle = turn_about_z(expected, &found, &lines);
-    if follows
-        .iter()
-        .flatten()
-        .all(|follows| *follows == Follows::Yes)
-    {
+    let all_follow = follows.iter().flatten().all(|f| *f == Follows::Yes);
+    // Up to 45 degrees, both axes follow the motion, each with a part of the other.
+    let is_turned = |angle: &f64| {
+        half_turn
+            || !follows.contains(&Some(Follows::Reversed))
+                && angle.abs() > TURN_MAX_DEG
+                && (!all_follow || lines.iter().all(Option::is_some))
+    };
+    let turned = turn_about_z(expected, &found, &lines).filter(is_turned);
+    if turned.is_none() && all_follow {
         for (axis, line) in lines.iter().enumerate() {
             let Some(line) = line else { continue };
             judgement.ratio(
@@ -182,9 +186,7 @@ pub fn horizontal_axes(columns: &Columns, reference: &Reference, judgement: &mut
                 "the roles acceleration",
             );
         }
-    } else if let Some(degrees) = angle.filter(|angle| {
-        half_turn || !follows.contains(&Some(Follows::Reversed)) && angle.abs() > TURN_MAX_DEG
-    }) {
+    } else if let Some(degrees) = turned {
         judgement.misfits.push(Misfit {
             subject: AXES.to_owned(),
             found: format!("the horizontal axes fit the motion if the unit is turned by {degrees:.0} degrees about z"),

@@ -183,7 +183,7 @@ fn a_quiet_recording_names_the_manoeuvres_that_decide() {
 /// A mistake: name, change of each sample, beginning of the subject and part of the text of the misfits.
 type Mistake = (&'static str, fn(&mut Sample), &'static str, &'static str);
 
-const MISTAKES: [Mistake; 18] = [
+const MISTAKES: [Mistake; 19] = [
     (
         "unit on its side",
         |s| turn_unit(s, |[x, y, z]| [x, z, -y]),
@@ -217,6 +217,13 @@ const MISTAKES: [Mistake; 18] = [
         |s| turn_unit(s, |[x, y, z]| [y, -x, z]),
         "inertial unit, forward",
         "turned by 9",
+    ),
+    // Both axes still follow the motion, each with a part of the other.
+    (
+        "unit turned by 30 degrees",
+        |s| turn_unit(s, |[x, y, z]| [0.866 * x + 0.5 * y, 0.866 * y - 0.5 * x, z]),
+        "inertial unit, forward",
+        "turned by",
     ),
     (
         "specific force in g",
