@@ -41,10 +41,10 @@ impl ChannelHealth {
     /// Variance of the model's error on a channel with `tolerance_n`: the adapted part of it, and
     /// the mean of innovations within its bound.
     pub fn model_variance(&self, tolerance_n: f64, tuning: &ChannelTuning) -> f64 {
-        let own = self.tolerance * tolerance_n.powi(2);
-        own + (tuning.mean_factor * self.mean)
-            .powi(2)
-            .min(tuning.mean_bound * own)
+        let mean = (tuning.mean_factor * self.mean)
+            .abs()
+            .min(tuning.mean_bound * tolerance_n);
+        self.tolerance * tolerance_n.powi(2) + mean.powi(2)
     }
 
     /// Stores the variance of an innovation after the channels before it were taken.
@@ -111,7 +111,7 @@ mod tests {
         }
         let late = health.model_variance(2.0, &tuning);
         assert!(late > 2.0 * fresh, "{late} against {fresh} N^2");
-        let most = (1.0 + tuning.mean_bound) * tuning.tolerance_bounds[1] * 2.0 * 2.0;
+        let most = (tuning.tolerance_bounds[1] + tuning.mean_bound.powi(2)) * 2.0 * 2.0;
         assert!(late <= most, "{late} N^2");
     }
 }

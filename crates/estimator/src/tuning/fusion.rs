@@ -153,9 +153,9 @@ tuning! {
         mean_learning: f64 = 0.01, "1";
         /// Factor on the mean as an error of the model: innovations that keep one sign are not noise.
         mean_factor: f64 = 2.0, "1";
-        /// Largest variance of that error, in variances of the model's own error. Without a limit, a good
-        /// channel that corrects a wrong state weighs less and less, and the state stays wrong.
-        mean_bound: f64 = 4.0, "1";
+        /// Largest size of that error, in standard deviations of the model before they adapt. Without a limit, a
+        /// good channel that corrects a wrong state weighs less and less, and the state stays wrong.
+        mean_bound: f64 = 32.0, "σ";
         /// Weight of one innovation in the factor on the model's variance.
         tolerance_learning: f64 = 0.02, "1";
         /// Bounds of that factor.
