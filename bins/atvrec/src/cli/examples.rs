@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 67] = [
+pub const EXAMPLES: [(&str, &str); 68] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -209,6 +209,10 @@ pub const EXAMPLES: [(&str, &str); 67] = [
     (
         "atvrec import mf4 drive.mf4 --dbc can1=car.dbc -o drive.mcap",
         "make a log of an MF4 file, one of whose buses is decoded",
+    ),
+    (
+        "atvrec import mf4 drive.mf4 --columns map.toml -o drive.mcap",
+        "make a log of the measured signals of an MF4 file",
     ),
     (
         "atvrec import gnss rover.ubx -o drive.mcap",

@@ -23,8 +23,8 @@ pub enum ImportCommand {
     Trc(ImportCanArgs),
     /// Convert a BLF log of Vector's tools to a log.
     Blf(ImportCanArgs),
-    /// Convert an MF4 file with CAN frames to a log.
-    Mf4(ImportCanArgs),
+    /// Convert an MF4 file with CAN frames to a log; with a column map, one with measured signals.
+    Mf4(ImportMf4Args),
     /// Convert the raw output of a GNSS receiver (NovAtel, SBF, UBX, NMEA) to a log.
     Gnss(ImportGnssArgs),
 }
@@ -122,6 +122,21 @@ pub struct ImportCanArgs {
     /// Log to write.
     #[command(flatten)]
     pub into: ImportInto,
+}
+
+/// `atvrec import mf4`.
+#[derive(Debug, Args)]
+pub struct ImportMf4Args {
+    /// Files and log.
+    #[command(flatten)]
+    pub frames: ImportCanArgs,
+    /// Column map of the measured signals: one for all files, or one for each file (see
+    /// docs/import.md). Without a map, the CAN frames of the files are imported.
+    #[arg(long, value_name = "MAP.toml", conflicts_with = "dbc")]
+    pub columns: Vec<PathBuf>,
+    /// Treatment of the rows of measured signals.
+    #[command(flatten)]
+    pub rows: ImportRows,
 }
 
 /// `atvrec import vehicle`.

@@ -25,7 +25,7 @@ use model::file::Problem;
 use sample::LogTime;
 use wire::can_log::Format;
 
-use crate::cli::{ImportCommand, ImportInto, ImportRows};
+use crate::cli::{ImportCanArgs, ImportCommand, ImportInto, ImportRows};
 use crate::exit::{Outcome, UsageError};
 use crate::interrupt::Interrupt;
 use engine::output::{Kind, Target};
@@ -50,7 +50,18 @@ pub fn run(command: &ImportCommand, quiet: bool) -> anyhow::Result<Outcome> {
         ImportCommand::Asc(args) => can::run(Format::Asc, args, quiet),
         ImportCommand::Trc(args) => can::run(Format::Trc, args, quiet),
         ImportCommand::Blf(args) => can::run(Format::Blf, args, quiet),
-        ImportCommand::Mf4(args) => can::run(Format::Mf4, args, quiet),
+        ImportCommand::Mf4(args) if args.columns.is_empty() => {
+            if args.rows.split_gaps || args.rows.accept_units {
+                let text =
+                    "--split-gaps and --accept-units are for measured signals; add --columns MAP";
+                return Err(UsageError(text.to_owned()).into());
+            }
+            can::run(Format::Mf4, &args.frames, quiet)
+        }
+        ImportCommand::Mf4(args) => {
+            let ImportCanArgs { input, into, .. } = &args.frames;
+            csv::convert((input, &args.columns), into, args.rows, quiet)
+        }
         ImportCommand::Gnss(args) => gnss::run(args, quiet),
     }
 }

@@ -253,6 +253,74 @@ fn other_formats_are_refused_with_their_names() {
     );
 }
 
+/// Values and times of a real file agree with those that another program reads (its `reference.jsonl`), and a
+/// channel that is absent is named with those that are there.
+#[test]
+fn measured_signals_of_mf4_are_imported_with_a_column_map() {
+    let Some(root) = testkit::shared("data/can-logs/mf4-signal") else {
+        return;
+    };
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let map = |from: &str| {
+        let column = |name: &str, from: &str, unit: &str| {
+            format!(
+                "[column.{name}]\nfrom = \"{from}\"\nquantity = \"signal\"\nunit = \"{unit}\"\n"
+            )
+        };
+        let columns = column("engine", from, "rpm") + &column("fuel", "EngTripFuel", "1");
+        let text = format!("[time]\ncolumn = \"time\"\nunit = \"s\"\n{columns}");
+        fs::write(here.join("map.toml"), text).expect("written");
+    };
+    let import = |path: &str| {
+        let mut command = atvrec(here);
+        command.args(["import", "mf4"]).arg(root.join(path));
+        command.args(["--columns", "map.toml", "-o", "x.mcap", "--force"]);
+        command.assert()
+    };
+    map("EngSpeed");
+    import("can-decoded-j1939/measurement.mf4").success();
+    let export = atvrec(here)
+        .args(["export", "-t", "/control/measurement", "x.mcap"])
+        .assert()
+        .success();
+    let text = stdout(&export);
+    let rows = |name: &str| -> Vec<(i64, f64)> {
+        let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let header = lines.next().expect("a header");
+        let at = |name: &str| header.iter().position(|cell| *cell == name);
+        let [time, value] = ["publish_time_ns", name].map(|name| at(name).expect(&text[..200]));
+        lines
+            .filter(|cells| cells[value] != "NaN")
+            .map(|cells| {
+                (
+                    cells[time].parse().expect("ns"),
+                    cells[value].parse().expect("a number"),
+                )
+            })
+            .collect()
+    };
+    let (engine, fuel) = (rows("engine[rpm]"), rows("fuel[1]"));
+    assert_eq!((engine.len(), fuel.len()), (6030, 6029));
+    assert!(
+        (engine[0].0 - 1_617_891_993_277_735_000).abs() < 1000,
+        "{:?}",
+        engine[0]
+    );
+    assert!(
+        (fuel[0].0 - 1_617_891_993_278_353_000).abs() < 1000,
+        "{:?}",
+        fuel[0]
+    );
+    assert_eq!((engine[0].1, fuel[0].1), (2300.0, 2_147_483_647.5));
+    map("EngineSpeed");
+    let told = stderr(&import("can-decoded-j1939/measurement.mf4").code(2));
+    assert!(
+        told.contains("no channel is named EngineSpeed") && told.contains("EngSpeed"),
+        "{told}"
+    );
+}
+
 #[test]
 fn logs_of_several_files_are_merged_by_time() {
     let directory = tempfile::tempdir().expect("a directory");

@@ -35,7 +35,7 @@ pub enum Error {
     #[error("the lines of the file have no time; record with `candump -L`, or with `candump -ta`")]
     NoStamps,
     /// The file has no frames of a CAN bus, and no place for them.
-    #[error("the file has no CAN frames, only measured signals: {signals}; read it as a table")]
+    #[error("the file has no CAN frames, only measured signals: {signals}")]
     OnlySignals {
         /// Number of signals and the names of the first ones.
         signals: String,

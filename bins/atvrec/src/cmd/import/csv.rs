@@ -1,8 +1,9 @@
-//! `atvrec import csv`: convert delimited text.
+//! `atvrec import csv`: convert delimited text, and `import mf4 --columns`: convert measured signals.
 
+mod mf4;
 mod rows;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use engine::config::{CsvMap, Meaning, Problems, csv_map};
 use wire::csv::Place;
@@ -12,36 +13,40 @@ use super::truth::Reference;
 use super::{
     RowErrors, Table, configuration, output, refuse, shortened, signals, source_names, text,
 };
-use crate::cli::ImportCsvArgs;
+use crate::cli::{ImportCsvArgs, ImportInto, ImportRows};
 use crate::exit::{Outcome, UsageError};
 use rows::Rows;
 
 /// Runs the command.
 pub fn run(args: &ImportCsvArgs, quiet: bool) -> anyhow::Result<Outcome> {
-    let columns = &args.columns;
-    if columns.len() != 1 && columns.len() != args.input.len() {
+    convert((&args.input, &args.columns), &args.into, args.rows, quiet)
+}
+
+/// Converts files with their column maps.
+pub fn convert(
+    (input, columns): (&[PathBuf], &[PathBuf]),
+    into: &ImportInto,
+    rows: ImportRows,
+    quiet: bool,
+) -> anyhow::Result<Outcome> {
+    if columns.len() != 1 && columns.len() != input.len() {
         return Err(UsageError(format!(
             "there are {} files and {} column maps; give one --columns for all files, or one for \
              each file",
-            args.input.len(),
+            input.len(),
             columns.len()
         ))
         .into());
     }
-    let inputs = args.input.iter().chain(columns);
-    let output = output(&args.into, Some(args.rows), inputs, quiet)?;
+    let inputs = input.iter().chain(columns);
+    let output = output(into, Some(rows), inputs, quiet)?;
     let map_of = |file: usize| &columns[file.min(columns.len() - 1)];
-    let names = source_names(&args.input);
+    let names = source_names(input);
     let (mut tables, mut errors) = (Vec::new(), RowErrors::default());
     let (mut pieces, mut reference) = (Vec::new(), Reference::default());
     let mut sources = Vec::new();
-    for (source, path) in args.input.iter().enumerate() {
-        let file = File::read(
-            path,
-            map_of(source),
-            &mut errors,
-            args.into.config.is_none(),
-        )?;
+    for (source, path) in input.iter().enumerate() {
+        let file = File::read(path, map_of(source), &mut errors, into.config.is_none())?;
         file.rows.reference(&file.map.format, &mut reference);
         sources.push(Source {
             name: &names[source],
@@ -59,7 +64,7 @@ pub fn run(args: &ImportCsvArgs, quiet: bool) -> anyhow::Result<Outcome> {
     }
     errors.finish()?;
     pieces.sort_by_key(|piece: &Piece| piece.time);
-    let config = configuration(&names, &tables, &args.into)?;
+    let config = configuration(&names, &tables, into)?;
     let truth = reference.on_grid();
     log::write(&config, &sources, pieces, &truth, &output)
 }
@@ -83,7 +88,11 @@ impl File {
         let map_name = map_path.display().to_string();
         let mut map = csv_map(&map_name, &text::read(map_path)?).map_err(Problems)?;
         refuse(map.contradictions(&map_name))?;
-        let text = text::read(path)?;
+        let text = if mf4::is_mdf(path) {
+            mf4::text(path, &mut map)?
+        } else {
+            text::read(path)?
+        };
         let mut rows = Rows::read(path, &text, &map, errors)?;
         warn_of_overflows(path, &rows, &map);
         let mut held = Vec::new();

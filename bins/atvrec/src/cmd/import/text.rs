@@ -24,7 +24,7 @@ const NO_TEXT: [(&[u8], &str, &str); 6] = [
         "save the table as CSV",
     ),
     (b"\x1f\x8b", "a gzip file", "decompress it with gunzip"),
-    (b"MDF     ", "an MDF file", "export its channels as CSV"),
+    (b"MDF     ", "an MDF file", "use `atvrec import mf4`"),
     (b"\xff\xfe\x00\x00", "UTF-32 text", "save it as UTF-8"),
     (b"\x00\x00\xfe\xff", "UTF-32 text", "save it as UTF-8"),
 ];

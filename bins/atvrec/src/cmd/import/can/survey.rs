@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use wire::can_log::{self, Direction, Entry, Format, HEAD_BYTES, Record, Stamps, Summary};
+use wire::can_log::{self, Direction, Entry, Error, Format, HEAD_BYTES, Record, Stamps, Summary};
 use wire::gps_time::Utc;
 
 use crate::exit::UsageError;
@@ -110,7 +110,13 @@ pub fn read(format: Format, path: &Path, sink: &mut can_log::Sink<'_>) -> anyhow
     let shown = path.display();
     let file = File::open(path).with_context(|| format!("cannot read {shown}"))?;
     let summary = can_log::read(format, &mut BufReader::new(file), sink);
-    summary.map_err(|error| UsageError(format!("{shown}: {error}")).into())
+    summary.map_err(|error| {
+        let help = match error {
+            Error::OnlySignals { .. } => "; import them with a column map: --columns MAP.toml",
+            _ => "",
+        };
+        UsageError(format!("{shown}: {error}{help}")).into()
+    })
 }
 
 /// Refuses a file whose first bytes are of another format.
