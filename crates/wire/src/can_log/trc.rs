@@ -271,12 +271,9 @@ fn error_frame<'l>(found: &Words<'l>) -> Option<Found<'l>> {
 fn frame<'l>(found: &Words<'l>, data: impl Iterator<Item = &'l [u8]>) -> Option<Found<'l>> {
     let word = found.identifier?;
     let mut flags = CanFlags::default();
-    match word.len() {
-        8 => flags.extended = true,
-        3 | 4 => {}
-        _ => return None,
-    }
     let id = hexadecimal(word)?;
+    // Eight digits are 29 bits. Some writers leave out the zeros in front of them.
+    flags.extended = word.len() > 4 || id > 0x7FF;
     let most = if flags.extended { 0x1FFF_FFFF } else { 0x7FF };
     let direction = match found.direction.or(found.type_or_direction) {
         Some(b"Rx") => Some(Direction::Received),
@@ -332,4 +329,38 @@ fn length(found: &Words<'_>, fd: bool) -> Option<(u8, u8)> {
     let length = u8::try_from(unsigned(found.length?)?).ok()?;
     let code = super::number::code_of(length);
     (length_of(code, fd) == length).then_some((code, length))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+    use std::ops::ControlFlow;
+
+    use super::*;
+    use crate::can_log::Record;
+
+    /// The writer of python-can leaves out the zeros in front of a 29-bit identifier.
+    #[test]
+    fn identifiers_of_five_digits_and_more_have_29_bits() {
+        let text = ";$FILEVERSION=2.1\n;$STARTTIME=45244.5\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n\
+                    1 0.000 DT 1 0076 Rx - 1 7F\n\
+                    2 1.000 DT 1 D407822 Rx - 1 43\n\
+                    3 2.000 DT 1 8A3 Rx - 0\n\
+                    4 3.000 DT 1 00000076 Rx - 0\n";
+        let mut found = Vec::new();
+        let mut sink = |record| {
+            if let Record::Frame(entry) = record {
+                found.push((entry.frame.id, entry.frame.flags.extended));
+            }
+            ControlFlow::Continue(())
+        };
+        read(&mut Cursor::new(text), &mut sink).unwrap();
+        let want = [
+            (0x76, false),
+            (0xD40_7822, true),
+            (0x8A3, true),
+            (0x76, true),
+        ];
+        assert_eq!(found, want);
+    }
 }
