@@ -101,7 +101,7 @@ pub enum Command {
     Virtual(VirtualArgs),
     /// Run a virtual vehicle at full speed and write its data to a log.
     Simulate(SimulateArgs),
-    /// Write a topic of a log as a CSV or Parquet table.
+    /// Write a topic of a log as a CSV, Parquet or MAT table.
     Export(ExportArgs),
     /// Show the contents of a log.
     Info(InfoArgs),

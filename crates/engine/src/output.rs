@@ -133,8 +133,8 @@ impl Kind {
             Self::Log => &["mcap"],
             Self::Page => &["html", "htm"],
             Self::Toml => &["toml"],
-            Self::Table { parquet: true } => &["csv", "parquet"],
-            Self::Table { parquet: false } => &["csv"],
+            Self::Table { parquet: true } => &["csv", "parquet", "mat"],
+            Self::Table { parquet: false } => &["csv", "mat"],
             Self::Manual => &["1", "5"],
             Self::Any => &[],
         }

@@ -251,7 +251,7 @@ pub struct ExportArgs {
     /// With --raw, export this source only; can be given several times for CAN frames.
     #[arg(long, value_name = "NAME", requires = "raw")]
     pub source: Vec<String>,
-    /// File to write: .csv or .parquet, or any name with --raw. Without this option, text or bytes go to
+    /// File to write: .csv, .parquet or .mat, or any name with --raw. Without this option, text or bytes go to
     /// standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,

@@ -1,5 +1,6 @@
 //! `atvrec export`: write a topic as a table.
 
+mod mat;
 #[cfg(feature = "formats")]
 mod parquet;
 mod raw;
@@ -162,10 +163,20 @@ impl Export<'_> {
                 })?;
             }
             Some(target) => {
-                let is_parquet = target.has_extension("parquet");
-                target.write_by(|file| match is_parquet {
+                let format = ["parquet", "mat"]
+                    .into_iter()
+                    .find(|name| target.has_extension(name));
+                target.write_by(|file| match format {
                     #[cfg(feature = "formats")]
-                    true => Ok(self.write_parquet(file, columns, &mut written)?),
+                    Some("parquet") => Ok(self.write_parquet(file, columns, &mut written)?),
+                    Some("mat") => {
+                        let mut writer = mat::Writer::new(&columns.columns);
+                        self.each(columns, &mut written, |table| {
+                            writer.take(table);
+                            Ok(())
+                        })?;
+                        Ok(writer.write(BufWriter::new(file))?)
+                    }
                     _ => {
                         let result = self.write_text(BufWriter::new(file), columns, &mut written);
                         result.map_err(|error| match error.downcast::<std::io::Error>() {

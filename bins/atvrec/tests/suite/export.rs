@@ -42,6 +42,14 @@ fn a_topic_becomes_a_table_of_the_same_numbers() {
         .collect();
     let bits = |list: &[f64]| list.iter().map(|n| n.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&told_n), bits(loads_n));
+    let file = export("/estimate/tyre_forces", "forces.mat");
+    assert!(file.starts_with(b"MATLAB 5.0 MAT-file"));
+    let (rows, data) = variable_of_mat(&file, "fl_z_n");
+    assert_eq!(rows, loads_n.len());
+    let found_n = data
+        .chunks_exact(8)
+        .map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap()));
+    assert_eq!(bits(&found_n.collect::<Vec<_>>()), bits(loads_n));
     assert!(export("/health", "health.parquet").starts_with(b"PAR1"));
     let steer = String::from_utf8(export("/can/can0/Steering", "steer.csv")).expect("text");
     assert!(
@@ -51,6 +59,33 @@ fn a_topic_becomes_a_table_of_the_same_numbers() {
             .is_some_and(|heads| heads.contains("[deg]")),
         "{steer}"
     );
+}
+
+/// Rows and data of a variable of a MAT file of level 5.
+fn variable_of_mat<'f>(file: &'f [u8], name: &str) -> (usize, &'f [u8]) {
+    fn elements(mut bytes: &[u8]) -> Vec<(u32, &[u8])> {
+        let mut all = Vec::new();
+        while bytes.len() >= 8 {
+            let word =
+                |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"));
+            let (kind, len) = (word(0), word(4) as usize);
+            all.push((kind, &bytes[8..8 + len]));
+            bytes = &bytes[8 + len.next_multiple_of(8)..];
+        }
+        assert!(bytes.is_empty(), "the last element is complete");
+        all
+    }
+    for (kind, matrix) in elements(&file[128..]) {
+        assert_eq!(kind, 14, "every element is a matrix");
+        let [_, (5, sizes), (1, found), (_, data)] = elements(matrix)[..] else {
+            panic!("flags, dimensions, name, data");
+        };
+        if found == name.as_bytes() {
+            let rows = i32::from_le_bytes(sizes[..4].try_into().expect("4 bytes"));
+            return (rows as usize, data);
+        }
+    }
+    panic!("no variable {name}");
 }
 
 #[test]
