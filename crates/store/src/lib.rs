@@ -8,7 +8,9 @@
 //! - [`Reader`] reads complete and incomplete logs. It gives the arrivals in the order in which they
 //!   were recorded.
 //! - [`recover`] makes a complete log from an unfinished or damaged one.
+//! - [`align`](mod@align) gives columns of different rates at common times.
 
+pub mod align;
 mod channels;
 mod column;
 mod convert;

@@ -142,7 +142,7 @@ impl Values {
     }
 
     /// The same type without values, with memory for `rows` rows.
-    fn empty(&self, rows: usize) -> Self {
+    pub(crate) fn empty(&self, rows: usize) -> Self {
         match self {
             Self::F64(_) => Self::F64(Vec::with_capacity(rows)),
             Self::I32(_) => Self::I32(Vec::with_capacity(rows)),
