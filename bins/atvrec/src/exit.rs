@@ -1,7 +1,5 @@
 //! Exit codes of the program.
 
-use std::process::ExitCode;
-
 use engine::config::Problems;
 use estimator::EstimatorError;
 
@@ -16,23 +14,24 @@ pub enum Outcome {
     DataLoss,
 }
 
-impl From<Outcome> for ExitCode {
-    fn from(outcome: Outcome) -> Self {
-        Self::from(match outcome {
-            Outcome::Good => 0,
-            Outcome::Failed => 1,
-            Outcome::DataLoss => 3,
-        })
+impl Outcome {
+    /// Exit code.
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Good => 0,
+            Self::Failed => 1,
+            Self::DataLoss => 3,
+        }
     }
 }
 
 /// Exit code of an error: 2 for wrong usage or configuration, 1 for all other errors.
-pub fn code_of(error: &anyhow::Error) -> ExitCode {
+pub fn code_of(error: &anyhow::Error) -> u8 {
     let usage = error.downcast_ref::<Problems>().is_some()
         || error.downcast_ref::<UsageError>().is_some()
         || error.downcast_ref().is_some_and(engine::Error::is_usage)
         || error.downcast_ref().is_some_and(is_wrong_reading);
-    ExitCode::from(if usage { 2 } else { 1 })
+    if usage { 2 } else { 1 }
 }
 
 /// Error in the command line that the command itself finds.

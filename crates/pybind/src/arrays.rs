@@ -9,7 +9,15 @@ use store::{Column, Values};
 
 /// A column as an array. Where the schema tells absence from zero, numbers of 32 bits become
 /// doubles with NaN, others masked arrays, texts and bytes `None`.
+///
+/// A column of numbers without any value takes no memory: all its entries are the same NaN, and it cannot
+/// be written to.
 pub fn column(py: Python<'_>, column: Column) -> PyResult<Bound<'_, PyAny>> {
+    if let Some(rows) = rows_without_value(&column) {
+        return py
+            .import("numpy")?
+            .call_method1("broadcast_to", (f64::NAN, (rows,)));
+    }
     let Some(present) = column.present else {
         return values(py, column.values);
     };
@@ -25,6 +33,16 @@ pub fn column(py: Python<'_>, column: Column) -> PyResult<Bound<'_, PyAny>> {
         }),
         other => masked(py, values(py, other)?, present),
     }
+}
+
+/// The number of rows of a column that would become an array of NaN alone.
+fn rows_without_value(column: &Column) -> Option<usize> {
+    let is_absent = match (&column.values, &column.present) {
+        (Values::F64(list), None) => list.iter().all(|value| value.is_nan()),
+        (Values::I32(_) | Values::U32(_), Some(present)) => present.iter().all(|there| !there),
+        _ => false,
+    };
+    Some(column.values.len()).filter(|rows| is_absent && *rows > 0)
 }
 
 fn values(py: Python<'_>, values: Values) -> PyResult<Bound<'_, PyAny>> {

@@ -117,6 +117,14 @@ pub fn score(error: &ScoreError) -> PyErr {
     }
 }
 
+/// Why a log has no report.
+pub fn report(error: &report::Error) -> PyErr {
+    match error {
+        report::Error::Log(error) => log(error),
+        other => raise(|all| &all.log, other.to_string()),
+    }
+}
+
 /// A vehicle file that cannot be used.
 pub fn vehicle(message: String) -> PyErr {
     raise(|all| &all.vehicle, message)

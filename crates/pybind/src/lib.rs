@@ -20,6 +20,8 @@ mod input;
 mod interrupt;
 mod log;
 mod origin;
+#[cfg(target_os = "linux")]
+mod program;
 mod replay;
 mod samples;
 mod sensors;
@@ -55,6 +57,9 @@ fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<suspension::Ride>()?;
     module.add_class::<suspension::Corner>()?;
     module.add_class::<strain::StrainChannel>()?;
+    module.add_function(wrap_pyfunction!(log::rainflow, module)?)?;
+    #[cfg(target_os = "linux")]
+    module.add_function(wrap_pyfunction!(program::run_program, module)?)?;
     module.add_function(wrap_pyfunction!(replay::replay_log, module)?)?;
     module.add_function(wrap_pyfunction!(replay::simulate_log, module)?)?;
     module.add_function(wrap_pyfunction!(replay::manoeuvres, module)?)?;

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use engine::LeftOut;
-use numpy::IntoPyArray;
+use engine::{LeftOut, Window, read_drive};
+use estimator::identification::{self, tyre};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use report::score::{
@@ -13,9 +14,10 @@ use report::score::{
     score_with,
 };
 use sample::LogTime;
-use store::{Reader, Stage, Table};
+use store::align::{Grid, Method, MethodError, align, intervals_ns};
+use store::{Column, Reader, Stage, Table};
 
-use crate::{arrays, errors, interrupt};
+use crate::{arrays, errors, findings, interrupt};
 
 /// One or more files of a run. What Python users see is `atvrec.Log`, which wraps this.
 #[pyclass(frozen, module = "atvrec._atvrec")]
@@ -27,6 +29,108 @@ pub struct LogReader {
 
 /// Columns, units, and what is missing.
 type ReadTopic<'py> = (Bound<'py, PyDict>, Bound<'py, PyDict>, Vec<String>);
+
+/// Times, and what was read of each topic.
+type Frame<'py> = (Bound<'py, PyArray1<i64>>, Vec<ReadTopic<'py>>);
+
+/// What is to be read.
+struct Wanted {
+    reader: Arc<Reader>,
+    left_out: Arc<LeftOut>,
+    topics: Vec<String>,
+    fields: Vec<Vec<String>>,
+    joined: bool,
+}
+
+/// Rows that are read before those of an instant are joined.
+const BATCH_ROWS: usize = 1 << 14;
+
+impl Wanted {
+    /// The wanted columns of each topic.
+    fn tables(self, py: Python<'_>, span: [LogTime; 2]) -> PyResult<Vec<Table>> {
+        interrupt::detached(py, move || {
+            let mut tables = vec![Table::default(); self.topics.len()];
+            let rows = if self.joined { BATCH_ROWS } else { usize::MAX };
+            let (reader, topics) = (&self.reader, &self.topics);
+            let read = self
+                .left_out
+                .each_batch(reader, topics, span, rows, |position, table| {
+                    tables[position].append(self.part(position, table));
+                    Ok::<(), engine::Error>(())
+                });
+            read.map_err(|error| errors::engine(&error))?;
+            for (position, table) in tables.iter_mut().enumerate() {
+                self.check(position, table)?;
+                if self.joined {
+                    // The rows of an instant on both sides of the end of a batch.
+                    *table = std::mem::take(table).joined_by_instant();
+                }
+            }
+            Ok(tables)
+        })?
+    }
+
+    /// What is wanted of a batch.
+    fn part(&self, position: usize, table: Table) -> Table {
+        let mut table = if self.joined {
+            table.joined_by_instant()
+        } else {
+            table
+        };
+        let fields = &self.fields[position];
+        if !fields.is_empty() {
+            let is_wanted =
+                |column: &Column| fields.iter().any(|field| is_field(field, &column.name));
+            table.columns.retain(is_wanted);
+        }
+        table
+    }
+
+    /// Whether the topic has all fields that were asked for.
+    fn check(&self, position: usize, table: &Table) -> PyResult<()> {
+        let topic = &self.topics[position];
+        for field in &self.fields[position] {
+            let is_there = |column: &Column| is_field(field, &column.name);
+            if !table.columns.iter().any(is_there) {
+                let all = self.left_out.columns(&self.reader, topic, EMPTY);
+                let all = all.map_err(|error| errors::engine(&error))?;
+                let names: Vec<&str> = all.columns.iter().map(|one| one.name.as_str()).collect();
+                return Err(errors::argument(format!(
+                    "the topic {topic} has no field {field}; it has {}",
+                    names.join(", ")
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A stretch of time without messages: gives columns without rows.
+const EMPTY: [LogTime; 2] = [LogTime(1), LogTime(0)];
+
+/// Whether `field` names this column, or the message or wheel that it belongs to.
+fn is_field(field: &str, column: &str) -> bool {
+    column
+        .strip_prefix(field)
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+}
+
+/// The times of a frame: at a rate over the time that all topics span, or those of the first topic.
+fn targets(tables: &[Table], rate_hz: Option<f64>) -> PyResult<Vec<i64>> {
+    let Some(rate_hz) = rate_hz else {
+        let first = tables.first().map(|table| table.publish_time_ns.clone());
+        let mut times = first.unwrap_or_default();
+        times.sort_unstable();
+        times.dedup();
+        return Ok(times);
+    };
+    let all = || tables.iter().flat_map(|table| &table.publish_time_ns);
+    let (Some(start), Some(end)) = (all().min(), all().max()) else {
+        return Ok(Vec::new());
+    };
+    let grid = Grid::new(*start, rate_hz).map_err(|e| errors::argument(e.to_string()))?;
+    Ok(grid.times_ns(*start, end.saturating_add(1)))
+}
 
 fn read_topic(py: Python<'_>, table: Table) -> PyResult<ReadTopic<'_>> {
     let columns = PyDict::new(py);
@@ -42,6 +146,26 @@ fn read_topic(py: Python<'_>, table: Table) -> PyResult<ReadTopic<'_>> {
     }
     let missing = table.missing.iter().map(ToString::to_string).collect();
     Ok((columns, units, missing))
+}
+
+impl LogReader {
+    fn wanted(
+        &self,
+        topics: Vec<String>,
+        fields: Vec<Vec<String>>,
+        joined: bool,
+    ) -> PyResult<Wanted> {
+        if fields.len() != topics.len() {
+            return Err(errors::argument("fields: one list for each topic"));
+        }
+        Ok(Wanted {
+            reader: Arc::clone(&self.reader),
+            left_out: Arc::clone(&self.left_out),
+            topics,
+            fields,
+            joined,
+        })
+    }
 }
 
 #[pymethods]
@@ -108,22 +232,126 @@ impl LogReader {
     }
 
     /// For each topic its columns, their units, and what is missing, as a tuple of two dicts and a list.
-    /// The ends of the stretch, both included, are ns of the log clock. All topics are read in one pass.
+    /// `fields` names the columns to read of each topic, none for all; `joined` asks for one row an
+    /// instant. The ends of the stretch, both included, are ns of the log clock. All topics are read in
+    /// one pass.
     fn read<'py>(
         &self,
         py: Python<'py>,
         topics: Vec<String>,
+        fields: Vec<Vec<String>>,
         start_ns: u64,
         end_ns: u64,
+        joined: bool,
     ) -> PyResult<Vec<ReadTopic<'py>>> {
-        let (reader, left_out) = (Arc::clone(&self.reader), Arc::clone(&self.left_out));
         let span = [LogTime(start_ns), LogTime(end_ns)];
-        let tables = interrupt::detached(py, move || left_out.tables(&reader, &topics, span))?;
-        let tables = tables.map_err(|e| errors::engine(&e))?;
-        tables
+        self.wanted(topics, fields, joined)?
+            .tables(py, span)?
             .into_iter()
             .map(|table| read_topic(py, table))
             .collect()
+    }
+
+    /// Times, and for each topic the columns at these times, their units, and what is missing. Without a
+    /// rate, the times are those of the first topic.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "the arguments of Python's Log.frame, one by one"
+    )]
+    fn frame<'py>(
+        &self,
+        py: Python<'py>,
+        topics: Vec<String>,
+        fields: Vec<Vec<String>>,
+        start_ns: u64,
+        end_ns: u64,
+        rate_hz: Option<f64>,
+        method: &str,
+        max_gap_ns: Option<i64>,
+    ) -> PyResult<Frame<'py>> {
+        let method: Method = method
+            .parse()
+            .map_err(|e: MethodError| errors::argument(e.to_string()))?;
+        let span = [LogTime(start_ns), LogTime(end_ns)];
+        let tables = self.wanted(topics, fields, true)?.tables(py, span)?;
+        let targets = targets(&tables, rate_hz)?;
+        let (tables, targets) = interrupt::detached(py, move || {
+            let aligned = tables.into_iter().map(|table| {
+                let times = table.publish_time_ns;
+                let columns = table.columns.iter().map(|column| {
+                    let gap = max_gap_ns.unwrap_or_else(|| {
+                        store::align::max_gap_ns(&mut intervals_ns(&times, column))
+                    });
+                    align(&times, column, &targets, method, gap)
+                });
+                Table {
+                    columns: columns.collect(),
+                    missing: table.missing,
+                    ..Table::default()
+                }
+            });
+            let aligned: Vec<Table> = aligned.collect();
+            (aligned, targets)
+        })?;
+        let tables: PyResult<Vec<ReadTopic<'py>>> = tables
+            .into_iter()
+            .map(|table| read_topic(py, table))
+            .collect();
+        Ok((targets.into_pyarray(py), tables?))
+    }
+
+    /// What `atvrec identify KIND` finds in the drive, after `from_s`.
+    fn identify<'py>(
+        &self,
+        py: Python<'py>,
+        kind: &str,
+        from_s: f64,
+        seed: u64,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let methods = [
+            identification::Method::Cornering,
+            identification::Method::Tyre(tyre::Kind::ALL.to_vec()),
+            identification::Method::RollPitch,
+            identification::Method::YawInertia,
+            identification::Method::Understeer,
+            identification::Method::Response {
+                step_min_rad: 1.5_f64.to_radians(),
+                window_s: 10.0,
+            },
+            identification::Method::Friction,
+        ];
+        let known = methods.each_ref().map(identification::Method::title);
+        let method = methods.into_iter().find(|method| method.title() == kind);
+        let Some(method) = method else {
+            return Err(errors::argument(format!(
+                "{kind:?} is no kind of identification; use one of {}",
+                known.join(", ")
+            )));
+        };
+        let reader = Arc::clone(&self.reader);
+        let found = interrupt::detached(py, move || {
+            let window = Window { from_s, to_s: None };
+            let drive = read_drive(&reader, None, window, method.what(), method.senses());
+            let drive = drive.map_err(|error| errors::engine(&error))?;
+            let found = method.identify(&drive, seed);
+            found.map_err(|error| findings::estimator(&error))
+        })??;
+        let results = found.results.iter();
+        results.map(|one| findings::dict(py, one)).collect()
+    }
+
+    /// The numbers of `atvrec report --json`.
+    fn report_json(&self, py: Python<'_>, smoothed: bool) -> PyResult<String> {
+        let paths = self.paths.clone();
+        let options = report::Options {
+            smoothed,
+            ..report::Options::default()
+        };
+        let found = interrupt::detached(py, move || {
+            report::report(&paths, &options, "", &mut |_| Ok(()))
+        })?;
+        let found = found.map_err(|error| errors::report(&error))?;
+        Ok(found.numbers.to_string())
     }
 
     /// What `atvrec score --json` prints: against the truth in the log, with the simple methods or not,
@@ -185,9 +413,7 @@ impl LogReader {
 
     /// Names of an enumeration's values, by field, for the fields of a topic that are one.
     fn enums<'py>(&self, py: Python<'py>, topic: &str) -> PyResult<Bound<'py, PyDict>> {
-        // An empty stretch of time gives the columns without rows.
-        let span = [LogTime(1), LogTime(0)];
-        let table = self.left_out.columns(&self.reader, topic, span);
+        let table = self.left_out.columns(&self.reader, topic, EMPTY);
         let dict = PyDict::new(py);
         for column in table.map_err(|e| errors::engine(&e))?.columns {
             if !column.names.is_empty() {
@@ -200,4 +426,20 @@ impl LogReader {
         }
         Ok(dict)
     }
+}
+
+/// Counts (1 or 0.5) of the rainflow cycles of a load, and the positions of their turning points.
+#[pyfunction]
+pub fn rainflow<'py>(
+    py: Python<'py>,
+    load: PyReadonlyArray1<'py, f64>,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, [Bound<'py, PyArray1<i64>>; 2])> {
+    let load = load.as_slice()?;
+    let cycles = py.detach(|| report::rainflow(load));
+    let counts: Vec<f64> = cycles.iter().map(|cycle| cycle.count).collect();
+    let turns = [0, 1].map(|end| {
+        let rows = cycles.iter().map(|cycle| cycle.turns[end] as i64);
+        rows.collect::<Vec<i64>>().into_pyarray(py)
+    });
+    Ok((counts.into_pyarray(py), turns))
 }

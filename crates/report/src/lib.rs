@@ -9,6 +9,7 @@
 //! truth or with those of another log.
 
 mod blob;
+mod cycles;
 pub mod drawing;
 mod drive;
 mod figures;
@@ -30,6 +31,7 @@ use store::{Attachment, Reader};
 
 pub use store;
 
+pub use cycles::{Cycle, rainflow};
 pub use drive::events;
 pub use options::{Gate, Gates, Options, Quantity, Units};
 pub use picture::{Picture, PictureError};

@@ -1,5 +1,6 @@
 //! A topic as columns: every field of its messages as one list, by the channel's own schema.
 
+mod instants;
 mod keyed;
 mod plan;
 mod values;

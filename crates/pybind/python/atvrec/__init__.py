@@ -1,6 +1,6 @@
 """Estimator, vehicle dynamics and logs of atvrec, the recorder that estimates tyre forces.
 
-- :func:`open` reads logs into NumPy arrays, pandas or polars frames
+- :func:`open` reads logs into NumPy arrays, and into tables of pandas, polars, pyarrow and xarray
 - :func:`simulate` makes the log of a virtual vehicle, :func:`replay` estimates a log again
 - :class:`Estimator` estimates motion and tyre forces from samples, :func:`samples` reads them from a
   log
@@ -15,6 +15,8 @@
 - :class:`Sensors` and :class:`Calibration` read sensors and calibration files, :class:`Tuning` has
   the tuned numbers of the estimator
 - :mod:`atvrec.identify` finds parameters in drives, :mod:`atvrec.calibrate` calibrates sensors
+- :mod:`atvrec.fleet` processes many drives on many machines, :mod:`atvrec.trend` finds parameters that
+  changed; import them by their names
 
 Axes are ISO 8855: x forward, y left, z up. Wheels stand in the order front left, front right, rear
 left, rear right. Every name ends with its unit; angles are radians.

@@ -71,12 +71,16 @@ __all__ = [
     "identify_understeer",
     "identify_yaw_inertia",
     "manoeuvres",
+    "rainflow",
     "replay_log",
     "road_height_m",
+    "run_program",
     "simulate_log",
     "strain_circuits",
 ]
 __version__: str
+
+_Topic: TypeAlias = tuple[dict[str, npt.NDArray[Any]], dict[str, str], list[str]]
 
 class AtvrecError(Exception): ...
 class LogError(AtvrecError): ...
@@ -93,8 +97,25 @@ class LogReader:
     def info(self) -> Info: ...
     def attachments(self) -> dict[str, bytes]: ...
     def read(
-        self, topics: Sequence[str], start_ns: int, end_ns: int
-    ) -> list[tuple[dict[str, npt.NDArray[Any]], dict[str, str], list[str]]]: ...
+        self,
+        topics: Sequence[str],
+        fields: Sequence[Sequence[str]],
+        start_ns: int,
+        end_ns: int,
+        joined: bool,
+    ) -> list[_Topic]: ...
+    def frame(
+        self,
+        topics: Sequence[str],
+        fields: Sequence[Sequence[str]],
+        start_ns: int,
+        end_ns: int,
+        rate_hz: float | None,
+        method: str,
+        max_gap_ns: int | None,
+    ) -> tuple[npt.NDArray[np.int64], list[_Topic]]: ...
+    def identify(self, kind: str, from_s: float, seed: int) -> list[Findings]: ...
+    def report_json(self, smoothed: bool) -> str: ...
     def enums(self, topic: str) -> dict[str, dict[int, str]]: ...
     def score_json(
         self,
@@ -495,6 +516,10 @@ def simulate_log(
     true_calibration: str | None,
 ) -> tuple[float, str, int, int]: ...
 def manoeuvres() -> list[str]: ...
+def rainflow(
+    load: _Doubles,
+) -> tuple[_Doubles, tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]: ...
+def run_program(arguments: Sequence[str]) -> int: ...
 def _restore(
     cls: type[Any], method: str, arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> Any: ...

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, TypeAlias, TypedDict, cast
 
 import numpy as np
@@ -586,13 +587,14 @@ def samples(log: Log | Path | Iterable[Path]) -> Samples:
         if key.startswith("source.")
     }
     found: dict[str, list[_Columns]] = {}
+    read = partial(log.read, rows="messages")
     for topic in log.topics:
         parts = topic.split("/")[1:]
         match parts:
             case ["imu", _]:
-                found.setdefault("imu", []).append(_imu(log.read(topic)))
+                found.setdefault("imu", []).append(_imu(read(topic)))
             case ["gnss", name, "velocity" | "attitude" as kind]:
-                columns = log.read(topic)
+                columns = read(topic)
                 rows = _velocity(columns) if kind == "velocity" else _attitude(columns)
                 names = {
                     number: text.removeprefix("FIX_QUALITY_").lower()
@@ -602,24 +604,24 @@ def samples(log: Log | Path | Iterable[Path]) -> Samples:
                 rows["source"] = np.full(len(rows["quality"]), sources.get(name, 0))
                 found.setdefault(f"gnss_{kind}", []).append(rows)
             case ["strain" | "deflection" as kind]:
-                found.setdefault("corner", []).extend(_corners(log.read(topic), kind))
+                found.setdefault("corner", []).extend(_corners(read(topic), kind))
             case ["steer"]:
-                columns = log.read(topic)
+                columns = read(topic)
                 angle = {"steering_wheel_rad": columns["steering_wheel_rad"]}
                 found.setdefault("steer", []).append(_times(columns) | angle)
             case ["wheel_speed"]:
-                columns = log.read(topic)
+                columns = read(topic)
                 of_wheels = [columns[f"{wheel}.angular_speed_rad_s"] for wheel in _WHEELS]
                 rows = _times(columns) | {"angular_speed_rad_s": np.stack(of_wheels, axis=1)}
                 found.setdefault("wheel_speed", []).append(rows)
             case ["ground_speed", _]:
-                columns = log.read(topic)
+                columns = read(topic)
                 speeds = {name: columns[name] for name in ("forward_m_s", "leftward_m_s")}
                 found.setdefault("ground_speed", []).append(_times(columns) | speeds)
             case ["hub_acceleration"]:
-                found.setdefault("hub_acceleration", []).extend(_hubs(log.read(topic)))
+                found.setdefault("hub_acceleration", []).extend(_hubs(read(topic)))
             case ["control", _]:
-                found.setdefault("control", []).extend(_controls(log.read(topic), log.units(topic)))
+                found.setdefault("control", []).extend(_controls(read(topic), log.units(topic)))
     return cast(Samples, {kind: _merged(tables) for kind, tables in found.items() if tables})
 
 

@@ -159,6 +159,63 @@ impl Values {
         }
     }
 
+    /// Adds the values of a column of the same type.
+    pub(super) fn append(&mut self, later: &mut Self) {
+        match (self, later) {
+            (Self::F64(list), Self::F64(later)) => list.append(later),
+            (Self::I32(list), Self::I32(later)) => list.append(later),
+            (Self::I64(list), Self::I64(later)) => list.append(later),
+            (Self::U32(list), Self::U32(later)) => list.append(later),
+            (Self::U64(list), Self::U64(later)) => list.append(later),
+            (Self::Bool(list), Self::Bool(later)) => list.append(later),
+            (Self::Text(list), Self::Text(later)) => list.append(later),
+            (Self::Bytes(list), Self::Bytes(later)) => list.append(later),
+            (
+                Self::List { ends, values },
+                Self::List {
+                    ends: later_ends,
+                    values: later,
+                },
+            ) => {
+                let before = values.len();
+                ends.extend(later_ends.iter().map(|end| before + end));
+                values.append(later);
+            }
+            // Batches of a topic have the same columns.
+            (_, _) => debug_assert!(false, "columns of batches differ in type"),
+        }
+    }
+
+    /// The values of some rows, in this order.
+    pub(super) fn rows(&self, rows: &[usize]) -> Self {
+        fn of<T: Clone>(list: &[T], rows: &[usize]) -> Vec<T> {
+            rows.iter().map(|row| list[*row].clone()).collect()
+        }
+        match self {
+            Self::F64(list) => Self::F64(of(list, rows)),
+            Self::I32(list) => Self::I32(of(list, rows)),
+            Self::I64(list) => Self::I64(of(list, rows)),
+            Self::U32(list) => Self::U32(of(list, rows)),
+            Self::U64(list) => Self::U64(of(list, rows)),
+            Self::Bool(list) => Self::Bool(of(list, rows)),
+            Self::Text(list) => Self::Text(of(list, rows)),
+            Self::Bytes(list) => Self::Bytes(of(list, rows)),
+            Self::List { ends, values } => {
+                let start = |row: usize| row.checked_sub(1).map_or(0, |before| ends[before]);
+                let mut inner = Vec::new();
+                let mut new_ends = Vec::with_capacity(rows.len());
+                for row in rows {
+                    inner.extend(start(*row)..ends[*row]);
+                    new_ends.push(inner.len());
+                }
+                Self::List {
+                    ends: new_ends,
+                    values: Box::new(values.rows(&inner)),
+                }
+            }
+        }
+    }
+
     pub(super) fn truncate(&mut self, rows: usize) {
         each!(self, list => list.truncate(rows), ends, values => {
             ends.truncate(rows);
