@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Sink;
 
 use sample::{LogTime, Measurement, SourceId};
-use store::{DynamicMessage, LogWriter, Options, Reader, Record, RowDecoder, Table};
+use store::{ChannelInfo, DynamicMessage, LogWriter, Options, Reader, Record, RowDecoder, Table};
 
 use crate::replay::skipped;
 use crate::{Config, Engine, Error, Result, session};
@@ -64,6 +64,12 @@ impl LeftOut {
     /// Whether this topic is left out.
     pub fn contains(&self, topic: &str) -> bool {
         self.topics.contains_key(topic)
+    }
+
+    /// The channel that a topic that is left out would have in the log.
+    pub fn channel(&self, topic: &str) -> Option<ChannelInfo> {
+        let (source, _, message) = self.topics.get(topic)?;
+        Some(message.channel(*source))
     }
 
     /// As [`Reader::columns`], for topics that are in the log or left out.

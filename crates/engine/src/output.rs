@@ -4,6 +4,7 @@
 //! name beside its target while it is written, and is renamed in one step when it is complete and
 //! synced. A killed command leaves `NAME.partial-PID`, or `NAME.mcap.active` for a log.
 
+mod folder;
 mod log_file;
 
 use std::error::Error as StdError;
@@ -16,6 +17,7 @@ use std::path::{Path, PathBuf};
 use store::{ACTIVE_SUFFIX, Options, Session, Writer};
 
 use crate::{Error, Result};
+pub use folder::Folder;
 pub use log_file::LogFile;
 
 /// Cause of a failed write.
@@ -52,6 +54,36 @@ pub enum TargetError {
     Directory {
         /// The output.
         path: PathBuf,
+    },
+    /// A file in the place of a folder.
+    #[error("{path} is a file; use the name of a folder")]
+    File {
+        /// The output.
+        path: PathBuf,
+    },
+    /// The folder contains other data.
+    #[error(
+        "{path} contains {entry}, which is not a part of a dataset; use a new folder, or one to which \
+         only this command wrote"
+    )]
+    OtherData {
+        /// The output.
+        path: PathBuf,
+        /// An entry of the folder.
+        entry: PathBuf,
+    },
+    /// The dataset contains the run, which is not to be replaced.
+    #[error(
+        "{path} contains the run {run} already, in {place}; use another folder, or replace the run with \
+         --force"
+    )]
+    RunExists {
+        /// The output.
+        path: PathBuf,
+        /// The run.
+        run: String,
+        /// Where it is in the folder.
+        place: PathBuf,
     },
     /// A file of that name exists and is not to be replaced.
     #[error("{path} exists already; use another name, or replace the file with --force")]
@@ -133,8 +165,8 @@ impl Kind {
             Self::Log => &["mcap"],
             Self::Page => &["html", "htm"],
             Self::Toml => &["toml"],
-            Self::Table { parquet: true } => &["csv", "parquet", "mat"],
-            Self::Table { parquet: false } => &["csv", "mat"],
+            Self::Table { parquet: true } => &["csv", "parquet", "mat", "mf4", "gpx"],
+            Self::Table { parquet: false } => &["csv", "mat", "mf4", "gpx"],
             Self::Manual => &["1", "5"],
             Self::Any => &[],
         }

@@ -8,13 +8,15 @@
 //! - [`Reader`] reads complete and incomplete logs. It gives the arrivals in the order in which they
 //!   were recorded.
 //! - [`recover`] makes a complete log from an unfinished or damaged one.
-//! - [`align`](mod@align) gives columns of different rates at common times.
+//! - [`align`](mod@align) gives columns of different rates at common times, and [`describe`] their units
+//!   and frames of reference.
 
 pub mod align;
 mod channels;
 mod column;
 mod convert;
 mod counters;
+pub mod describe;
 mod dynamic;
 mod earlier;
 mod error;

@@ -54,6 +54,18 @@ pub struct Column {
 }
 
 impl Column {
+    /// The same column without rows.
+    #[must_use]
+    pub fn without_rows(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            unit: self.unit.clone(),
+            names: self.names.clone(),
+            values: self.values.empty(0),
+            present: self.present.as_ref().map(|_| Vec::new()),
+        }
+    }
+
     fn begin_row(&mut self) {
         self.values.push_absent();
         if let Some(present) = &mut self.present {
