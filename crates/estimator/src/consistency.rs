@@ -60,6 +60,7 @@ pub struct ConsistencyStatistics {
     /// The last steps of each signal, whose products are not formed yet.
     recent: Vec<Vec<f64>>,
     steps: usize,
+    steps_of_window: usize,
     /// Sum of the squares of each signal.
     squares: Vec<f64>,
     /// Sum of the squares of all signals in the present window.
@@ -78,6 +79,7 @@ impl ConsistencyStatistics {
             window,
             recent: vec![Vec::new(); signals],
             steps: 0,
+            steps_of_window: 0,
             squares: vec![0.0; signals],
             window_squares: 0.0,
             products: LaggedProducts::new(signals, window),
@@ -98,7 +100,9 @@ impl ConsistencyStatistics {
             self.window_squares += z * z;
         }
         self.steps += 1;
-        if self.steps.is_multiple_of(self.window) {
+        self.steps_of_window += 1;
+        if self.steps_of_window == self.window {
+            self.steps_of_window = 0;
             self.end_window();
         }
         let length = self.recent.first().map_or(0, Vec::len);

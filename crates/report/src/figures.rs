@@ -45,24 +45,38 @@ pub struct Figures {
 type Candidate = (Figure, &'static str);
 
 impl Figures {
-    /// All figures of a drive. Their numbers move to `blob`.
+    /// All figures of a drive. Their numbers move to `blob`, and samples that no further figure needs are
+    /// freed: an hour has 150 MB of them.
     pub fn of(
-        drive: &Drive,
-        reference: Option<&Reference<'_>>,
+        drive: &mut Drive,
+        mut reference: Option<Reference>,
         laps: Option<&Laps>,
         options: &Options,
         blob: &mut Blob,
     ) -> Self {
-        let mut curves = Curves::new(drive, reference, options, blob);
-        let mut candidates = Vec::new();
+        let (mut candidates, mut of_sensors) = (Vec::new(), Vec::new());
+        sensors::all(
+            &mut Curves::new(drive, None, options, blob),
+            &mut of_sensors,
+        );
+        drive.travel.clear();
+        drive.ground.free();
+        let mut curves = Curves::new(drive, reference.as_ref(), options, blob);
         vehicle::forces(&mut curves, &mut candidates);
+        drive.model.free();
+        if let Some(reference) = &mut reference {
+            reference.forces.free();
+        }
+        let mut curves = Curves::new(drive, reference.as_ref(), options, blob);
         vehicle::motion(&mut curves, &mut candidates);
         vehicle::grip(&mut curves, &mut candidates);
+        drop(reference);
+        let mut curves = Curves::new(drive, None, options, blob);
         diagrams::all(&mut curves, &mut candidates);
         if let Some(laps) = laps {
             diagrams::laps(&curves, laps, &mut candidates);
         }
-        sensors::all(&mut curves, &mut candidates);
+        candidates.append(&mut of_sensors);
         let colours = vehicle::colours(&mut curves);
         let distance = distance(drive, blob);
         let (mut all, mut lacking) = (Vec::new(), Vec::new());

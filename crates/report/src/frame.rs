@@ -353,21 +353,20 @@ impl Frame {
         if self.time_s == *grid {
             return self;
         }
-        let weights = weights(&self.time_s, grid);
         let mut all = Self {
             time_s: Arc::clone(grid),
             ..Self::default()
         };
         // One column after the other, so that memory for one more is enough.
         while let Some((name, values)) = self.columns.pop_first() {
-            let at = weights.iter().map(|(index, part)| {
-                if *index == usize::MAX {
+            let at = weights(&self.time_s, grid).map(|place| {
+                let Some((index, part)) = place else {
                     return f32::NAN;
-                }
+                };
                 let next = values.get(index + 1).copied().unwrap_or(f32::NAN);
-                match *part {
-                    0.0 => values[*index],
-                    part => values[*index] + part * (next - values[*index]),
+                match part {
+                    0.0 => values[index],
+                    part => values[index] + part * (next - values[index]),
                 }
             });
             all.columns.insert(name, at.collect());
@@ -390,31 +389,24 @@ fn chosen(kept: &[usize], times: &[f64]) -> Vec<f64> {
     kept.iter().map(|row| times[*row]).collect()
 }
 
-/// For each time of the grid the sample before it and the part of the way to the next one.
-fn weights(times: &[f64], grid: &[f64]) -> Vec<(usize, f32)> {
+/// For each time of the grid the sample before it and the part of the way to the next one; `None` in a gap.
+fn weights(times: &[f64], grid: &[f64]) -> impl Iterator<Item = Option<(usize, f32)>> {
     /// Times that are this near each other are the same, s.
     const SAME_S: f64 = 1e-6;
     let mut next = 0;
-    grid.iter()
-        .map(|time| {
-            while next < times.len() && times[next] <= time + SAME_S {
-                next += 1;
-            }
-            let Some(index) = next.checked_sub(1) else {
-                return (usize::MAX, 0.0);
-            };
-            let past = time - times[index];
-            if past.abs() <= SAME_S {
-                return (index, 0.0);
-            }
-            match times.get(next) {
-                Some(after) if after - times[index] <= GAP_S => {
-                    (index, (past / (after - times[index])) as f32)
-                }
-                _ => (usize::MAX, 0.0),
-            }
-        })
-        .collect()
+    grid.iter().map(move |time| {
+        while next < times.len() && times[next] <= time + SAME_S {
+            next += 1;
+        }
+        let index = next.checked_sub(1)?;
+        let past = time - times[index];
+        if past.abs() <= SAME_S {
+            return Some((index, 0.0));
+        }
+        let after = times.get(next)?;
+        let step_s = after - times[index];
+        (step_s <= GAP_S).then(|| (index, (past / step_s) as f32))
+    })
 }
 
 /// Seconds of the rows of a table since the start of the drive.

@@ -138,17 +138,10 @@ pub fn report(
     drive.limits.clone_from(&options.limits);
     let summary = summary::Summary::of(&drive, options);
     let files = page::large_files(&mut drive.attachments);
-    let reference = reference::Reference::choose(&drive, options, progress)?;
+    let reference = reference::Reference::choose(&mut drive, options, progress)?;
     let mut blob = blob::Blob::default();
     let laps = laps::Laps::of(&drive, options);
-    let figures = figures::Figures::of(
-        &drive,
-        reference.as_ref(),
-        laps.as_ref(),
-        options,
-        &mut blob,
-    );
-    drop(reference);
+    let figures = figures::Figures::of(&mut drive, reference, laps.as_ref(), options, &mut blob);
     drive.free_samples();
     let content = page::Content {
         drive: &drive,

@@ -270,7 +270,7 @@ mod tests {
         let options = Options::default();
         let summary = Summary::of(&drive, &options);
         let mut blob = Blob::default();
-        let figures = Figures::of(&drive, None, None, &options, &mut blob);
+        let figures = Figures::of(&mut drive, None, None, &options, &mut blob);
         assert!(figures.all.len() > 1, "names reach the figures");
         let large = [(
             "0-x".to_owned(),

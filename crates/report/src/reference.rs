@@ -14,32 +14,31 @@ use crate::{Error, Progress};
 const STEP_MAX_S: f64 = 0.5;
 
 /// Motion and forces of the truth or of another run, on the time grids of the drive.
-pub struct Reference<'a> {
+pub struct Reference {
     /// Name in the figures.
     pub name: &'static str,
     /// How it is drawn.
     pub pen: Pen,
     /// Motion on the grid of the estimated motion.
-    pub motion: std::borrow::Cow<'a, Frame>,
+    pub motion: Frame,
     /// Forces on the grid of the estimated forces.
-    pub forces: std::borrow::Cow<'a, Frame>,
+    pub forces: Frame,
 }
 
-impl<'a> Reference<'a> {
-    /// The other run if one is given, else the truth if the log has one.
+impl Reference {
+    /// The other run if one is given, else the truth if the log has one; the truth moves out of the drive.
     pub fn choose(
-        drive: &'a Drive,
+        drive: &mut Drive,
         options: &Options,
         progress: &mut Progress<'_>,
     ) -> Result<Option<Self>, Error> {
-        use std::borrow::Cow;
         if options.against.is_empty() {
             let is_there = !drive.truth_motion.is_empty() || !drive.truth_forces.is_empty();
             return Ok(is_there.then_some(Self {
                 name: "truth",
                 pen: Pen::Truth,
-                motion: Cow::Borrowed(&drive.truth_motion),
-                forces: Cow::Borrowed(&drive.truth_forces),
+                motion: std::mem::take(&mut drive.truth_motion),
+                forces: std::mem::take(&mut drive.truth_forces),
             }));
         }
         let reader = Reader::open(&options.against)?;
@@ -62,8 +61,8 @@ impl<'a> Reference<'a> {
         Ok(Some(Self {
             name: "other run",
             pen: Pen::Truth,
-            motion: Cow::Owned(motion),
-            forces: Cow::Owned(forces),
+            motion,
+            forces,
         }))
     }
 }

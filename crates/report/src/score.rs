@@ -138,8 +138,8 @@ pub struct ScoreOptions {
 /// Corners of a low-pass that are possible at the rate of the estimates, Hz.
 pub const LOW_PASS_HZ: [f64; 2] = [0.5, 45.0];
 
-/// Instants whose signals are compared one after the other: their estimates and truths, 3 kB each, stay in
-/// the processor's cache.
+/// Instants whose signals are compared one after the other: their estimates and truths stay in the processor's
+/// cache.
 const TILE_PAIRS: usize = 32;
 
 /// An estimate that several outputs share. Its box comes from the reader and goes back to it without a copy.
@@ -152,7 +152,26 @@ type Pair = (Box<Estimate>, SharedEstimate);
 type Pairs = Vec<Pair>;
 
 /// A signal of an estimate with its standard deviation (`NaN` if there is none).
-type Pick<'a> = &'a dyn Fn(&Estimate) -> (f64, f64);
+trait Pick {
+    /// Of one estimate.
+    fn of(&self, estimate: &Estimate) -> (f64, f64);
+
+    /// Of at most [`TILE_PAIRS`] estimates: values, and standard deviations. A call for each would take longer
+    /// than the rest.
+    fn of_each(&self, estimates: &[&Estimate], found: &mut [[f64; TILE_PAIRS]; 2]);
+}
+
+impl<F: Fn(&Estimate) -> (f64, f64)> Pick for F {
+    fn of(&self, estimate: &Estimate) -> (f64, f64) {
+        self(estimate)
+    }
+
+    fn of_each(&self, estimates: &[&Estimate], [values, sigmas]: &mut [[f64; TILE_PAIRS]; 2]) {
+        for ((value, sigma), estimate) in values.iter_mut().zip(sigmas).zip(estimates) {
+            (*value, *sigma) = self(estimate);
+        }
+    }
+}
 
 /// Time in which the filters settle, s. Signals are not compared then, but an event that is declared
 /// then is declared to a user too.
@@ -303,9 +322,9 @@ struct Signal<'a> {
     unit: &'static str,
     frame: Option<ForceFrame>,
     /// The signal of an estimate.
-    estimate: Pick<'a>,
+    estimate: &'a dyn Pick,
     /// The signal of a truth.
-    truth: Pick<'a>,
+    truth: &'a dyn Pick,
 }
 
 /// Names of the forces in the frame in which they are given.
@@ -319,7 +338,7 @@ fn each_signal(frames: &[[ForceFrame; 2]], mut add: impl FnMut(Signal<'_>)) {
 
 /// Calls `add` with each signal except forces and moments.
 fn each_plain(mut add: impl FnMut(Signal<'_>)) {
-    let mut add_plain = |name, wheel, unit, estimate: Pick<'_>, truth: Pick<'_>| {
+    let mut add_plain = |name, wheel, unit, estimate: &dyn Pick, truth: &dyn Pick| {
         add(Signal {
             name,
             wheel,
@@ -351,16 +370,26 @@ fn each_plain(mut add: impl FnMut(Signal<'_>)) {
     };
     let true_sideslip = |e: &Estimate| (true_angle(e, e.motion.sideslip_rad), none);
     add_plain("sideslip", None, "rad", &sideslip, &true_sideslip);
-    let plain: [(&'static str, &'static str, Pick<'_>); 9] = [
-        ("velocity_x", "m/s", &|e| (e.motion.velocity_x_m_s, none)),
-        ("velocity_y", "m/s", &|e| (e.motion.velocity_y_m_s, none)),
-        ("roll", "rad", &|e| (e.motion.roll_rad, none)),
-        ("pitch", "rad", &|e| (e.motion.pitch_rad, none)),
-        ("roll_rate", "rad/s", &|e| (e.motion.rate_rad_s[0], none)),
-        ("pitch_rate", "rad/s", &|e| (e.motion.rate_rad_s[1], none)),
-        ("yaw_rate", "rad/s", &|e| (e.motion.rate_rad_s[2], none)),
-        ("bank", "rad", &|e| (e.motion.bank_rad, none)),
-        ("grade", "rad", &|e| (e.motion.grade_rad, none)),
+    let plain: [(&'static str, &'static str, &dyn Pick); 9] = [
+        ("velocity_x", "m/s", &|e: &Estimate| {
+            (e.motion.velocity_x_m_s, none)
+        }),
+        ("velocity_y", "m/s", &|e: &Estimate| {
+            (e.motion.velocity_y_m_s, none)
+        }),
+        ("roll", "rad", &|e: &Estimate| (e.motion.roll_rad, none)),
+        ("pitch", "rad", &|e: &Estimate| (e.motion.pitch_rad, none)),
+        ("roll_rate", "rad/s", &|e: &Estimate| {
+            (e.motion.rate_rad_s[0], none)
+        }),
+        ("pitch_rate", "rad/s", &|e: &Estimate| {
+            (e.motion.rate_rad_s[1], none)
+        }),
+        ("yaw_rate", "rad/s", &|e: &Estimate| {
+            (e.motion.rate_rad_s[2], none)
+        }),
+        ("bank", "rad", &|e: &Estimate| (e.motion.bank_rad, none)),
+        ("grade", "rad", &|e: &Estimate| (e.motion.grade_rad, none)),
     ];
     for (signal, unit, pick) in plain {
         add_plain(signal, None, unit, pick, pick);
@@ -412,19 +441,19 @@ fn each_force(frames: &[[ForceFrame; 2]], mut add: impl FnMut(Signal<'_>)) {
                     let force = &e.forces(frame)[wheel];
                     (force.force_n[axis], force.sigma_n[axis])
                 };
-                let own: Pick<'_> = &|e| force(e, own_frame);
-                let truth: Pick<'_> = &|e| force(e, frame);
-                let model: Pick<'_> = &|e| (e.expected[wheel].force_n[axis], f64::NAN);
-                let moment: Pick<'_> = &|e| {
+                let own = |e: &Estimate| force(e, own_frame);
+                let truth = |e: &Estimate| force(e, frame);
+                let model = |e: &Estimate| (e.expected[wheel].force_n[axis], f64::NAN);
+                let moment = |e: &Estimate| {
                     let force = &e.forces(frame)[wheel];
                     (force.moment_n_m[axis], force.moment_sigma_n_m[axis])
                 };
-                add(wheel_signal(names[axis], "N", own, truth));
+                add(wheel_signal(names[axis], "N", &own, &truth));
                 if frame == ForceFrame::Contact {
-                    add(wheel_signal(expected[axis], "N", model, truth));
+                    add(wheel_signal(expected[axis], "N", &model, &truth));
                 }
                 if rank == 0 {
-                    add(wheel_signal(moments[axis], "N m", moment, moment));
+                    add(wheel_signal(moments[axis], "N m", &moment, &moment));
                 }
             }
         }

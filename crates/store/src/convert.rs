@@ -19,12 +19,14 @@ use crate::proto::{atvrec as pb, foxglove};
 use crate::wheels;
 use crate::{ClockFit, Ground, Pose, Record, Stage, Truth, UtcOffset};
 use estimate::{
-    clock_fit_to_proto, event_from_proto, event_to_proto, forces_from_proto, forces_to_proto,
-    ground_from_proto, ground_to_proto, health_from_proto, health_to_proto, log_from_proto,
-    log_to_proto, motion_from_proto, motion_to_proto, parameters_from_proto, parameters_to_proto,
-    rollover_from_proto, rollover_to_proto, transforms_from_proto, transforms_to_proto,
+    clock_fit_to_proto, event_from_proto, event_to_proto, forces_to_proto, ground_from_proto,
+    ground_to_proto, health_from_proto, health_to_proto, log_from_proto, log_to_proto,
+    motion_to_proto, parameters_from_proto, parameters_to_proto, rollover_from_proto,
+    rollover_to_proto, transforms_from_proto, transforms_to_proto,
 };
-use road::{road_from_proto, road_to_proto};
+use road::{friction_from_proto, road_from_proto, road_to_proto};
+
+pub(crate) use direct::{forces, motion};
 use sensor::{decode_measurement, emit_sample};
 
 /// A message ready for its channel. Messages of a channel share its texts.
@@ -373,22 +375,6 @@ pub(crate) struct Envelope<'a> {
     pub publish_time: LogTime,
 }
 
-/// The motion of a message.
-pub(crate) fn motion(data: &[u8]) -> Result<Motion, MessageError> {
-    Ok(match direct::motion(data) {
-        Some(motion) => motion,
-        None => motion_from_proto(&pb::Motion::decode(data)?),
-    })
-}
-
-/// The tyre forces of a message, and their frame.
-pub(crate) fn forces(data: &[u8]) -> Result<(ForceFrame, PerWheel<TyreForce>), MessageError> {
-    Ok(match direct::forces(data) {
-        Some(found) => found,
-        None => forces_from_proto(&pb::TyreForces::decode(data)?),
-    })
-}
-
 /// The rollover of a message.
 pub(crate) fn rollover(data: &[u8]) -> Result<Rollover, MessageError> {
     Ok(rollover_from_proto(&pb::Rollover::decode(data)?))
@@ -410,18 +396,22 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
     }
     let stage = Stage::from_topic(envelope.topic).unwrap_or(Stage::Estimate);
     Ok(Some(match envelope.schema {
-        "atvrec.Motion" => Record::Motion {
-            time,
-            stage,
-            motion: Box::new(motion(data)?),
-        },
+        "atvrec.Motion" => {
+            let mut found = Box::new(Motion::UNKNOWN);
+            motion(data, &mut found)?;
+            Record::Motion {
+                time,
+                stage,
+                motion: found,
+            }
+        }
         "atvrec.TyreForces" => {
-            let (frame, forces) = forces(data)?;
+            let mut found = Box::new(PerWheel([TyreForce::default(); 4]));
             Record::TyreForces {
                 time,
                 stage,
-                frame,
-                forces: Box::new(forces),
+                frame: forces(data, &mut found)?,
+                forces: found,
             }
         }
         "atvrec.Rollover" => Record::Rollover {
@@ -435,11 +425,13 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
                 None => road_from_proto(time, &pb::Road::decode(data)?),
             }),
         },
-        "atvrec.Friction" => {
-            let friction = pb::Friction::decode(data)?;
-            let coefficient = wheels::per_wheel(&friction.wheels, f64::NAN, |w| w.coefficient);
-            Record::Friction { time, coefficient }
-        }
+        "atvrec.Friction" => Record::Friction {
+            time,
+            coefficient: match direct::friction(data) {
+                Some(coefficient) => coefficient,
+                None => friction_from_proto(&pb::Friction::decode(data)?),
+            },
+        },
         "atvrec.Ground" => Record::Ground {
             time,
             ground: Box::new(match direct::ground(data) {

@@ -136,14 +136,14 @@ impl<W: Write> LogWriter<W> {
     /// Abandons a failed log, without another byte to the sink.
     pub(crate) fn abandon(self) -> (Pending, Latched) {
         let messages = self.decoded.iter().flat_map(Chunk::messages);
-        let messages = messages.filter_map(|(stamps, data)| {
-            let channel = self.channels.by_id(stamps.channel)?;
+        let messages = messages.filter_map(|(header, data)| {
+            let channel = self.channels.by_id(header.channel_id)?;
             Some(Encoded {
                 topic: channel.topic.clone(),
                 schema: channel.schema.clone(),
                 source: channel.source,
-                log_time: LogTime(stamps.log_time),
-                publish_time: LogTime(stamps.publish_time),
+                log_time: LogTime(header.log_time),
+                publish_time: LogTime(header.publish_time),
                 data: data.to_owned(),
             })
         });

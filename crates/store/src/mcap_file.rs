@@ -12,7 +12,7 @@ use std::io::Write;
 use mcap::records::op;
 use mcap::{MAGIC, McapError, McapResult};
 
-pub(crate) use chunk::{Chunk, Stamps};
+pub(crate) use chunk::Chunk;
 
 /// Name of the compression in the file.
 const COMPRESSION: &str = "zstd";

@@ -22,6 +22,8 @@ use crate::{Error, Result};
 pub(crate) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Opcode and length.
 pub(crate) const PREFIX: u64 = 9;
+/// Bytes that are read together. A longer record is read into its place without a second copy.
+const BUFFER: usize = 1 << 15;
 
 /// The bound of [`max_chunk`] when nothing else is set, bytes.
 pub const DEFAULT_MAX_CHUNK: u64 = 64 << 20;
@@ -80,7 +82,7 @@ impl<R: Read + Seek> Scanner<R> {
         let length = file.seek(SeekFrom::End(0))?;
         file.seek(SeekFrom::Start(0))?;
         Ok(Self {
-            file: BufReader::with_capacity(1 << 18, file),
+            file: BufReader::with_capacity(BUFFER, file),
             position: 0,
             length,
             next_data: |_, _| None,

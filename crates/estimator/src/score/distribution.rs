@@ -19,7 +19,8 @@ pub struct Distribution {
     values: Vec<f64>,
     classes: Counts,
     count: usize,
-    largest: Option<f64>,
+    /// Negative infinity without a value.
+    largest: f64,
 }
 
 impl Default for Distribution {
@@ -37,26 +38,34 @@ impl Distribution {
             values: Vec::new(),
             classes: Counts(Vec::new()),
             count: 0,
-            largest: None,
+            largest: f64::NEG_INFINITY,
         }
     }
 
     /// Takes a value; NaN is left out.
+    #[inline]
     pub fn push(&mut self, value: f64) {
         if value.is_nan() {
             return;
         }
         self.count += 1;
-        self.largest = Some(self.largest.map_or(value, |largest| largest.max(value)));
+        if value > self.largest {
+            self.largest = value;
+        }
         if self.classes.is_empty() {
-            self.values.push(value);
-            if self.values.len() > self.exact {
-                for value in std::mem::take(&mut self.values) {
-                    self.classes.add(class(value));
-                }
-            }
+            self.keep(value);
         } else {
             self.classes.add(class(value));
+        }
+    }
+
+    /// Takes one of the first values.
+    fn keep(&mut self, value: f64) {
+        self.values.push(value);
+        if self.values.len() > self.exact {
+            for value in std::mem::take(&mut self.values) {
+                self.classes.add(class(value));
+            }
         }
     }
 
@@ -68,8 +77,8 @@ impl Distribution {
 
     /// The largest value.
     #[must_use]
-    pub const fn largest(&self) -> Option<f64> {
-        self.largest
+    pub fn largest(&self) -> Option<f64> {
+        (self.count > 0).then_some(self.largest)
     }
 
     /// The value with `rank` smaller ones; `None` without so many values.
@@ -89,7 +98,7 @@ impl Distribution {
             if rank < smaller + number {
                 let part = ((rank - smaller) as f64 + 0.5) / number as f64;
                 let [low, high] = [class, class + 1].map(lower_edge);
-                return Some((low + part * (high - low)).min(self.largest?));
+                return Some((low + part * (high - low)).min(self.largest));
             }
             smaller += number;
         }
@@ -137,12 +146,20 @@ impl Counts {
         self.0.is_empty()
     }
 
+    #[inline]
     fn add(&mut self, class: usize) {
         let (power, place) = (class / CLASSES, class % CLASSES);
+        match self.0.get_mut(power) {
+            Some(Some(table)) => table[place] += 1,
+            _ => self.new_table(power)[place] += 1,
+        }
+    }
+
+    fn new_table(&mut self, power: usize) -> &mut [u32; CLASSES] {
         if power >= self.0.len() {
             self.0.resize(power + 1, None);
         }
-        self.0[power].get_or_insert_with(|| Box::new([0; CLASSES]))[place] += 1;
+        self.0[power].get_or_insert_with(|| Box::new([0; CLASSES]))
     }
 
     fn of(&self, class: usize) -> u32 {
@@ -161,6 +178,7 @@ impl Counts {
 }
 
 /// Class of a value: exponent and first bits of the mantissa.
+#[inline]
 fn class(value: f64) -> usize {
     let [least, most] = EXPONENTS.map(power_of_two);
     let shift = f64::MANTISSA_DIGITS - 1 - MANTISSA_BITS;

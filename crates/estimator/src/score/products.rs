@@ -20,6 +20,8 @@ const LENGTH_PER_LAG: usize = 8;
 pub(crate) struct LaggedProducts {
     series: usize,
     lags: usize,
+    /// Number of values of a fixed series that are transformed together.
+    block: usize,
     forward: Arc<dyn Fft<f64>>,
     /// Of each pair, at each frequency from zero up to half of the rate.
     spectra: Vec<Spectrum>,
@@ -57,20 +59,21 @@ impl LaggedProducts {
         Self {
             series,
             lags,
+            block: length - lags.saturating_sub(1),
             forward: transform(length, FftDirection::Forward),
             spectra: vec![Spectrum::zero(length / 2 + 1); series * series],
         }
     }
 
     /// Number of values of a fixed series that are transformed together.
-    pub fn block(&self) -> usize {
-        self.forward.len() - self.lags.saturating_sub(1)
+    pub const fn block(&self) -> usize {
+        self.block
     }
 
     /// Takes the next values, of the moving series those of the lags too. The series are equally long, and
     /// the moving ones are longer by the number of lags less one.
     pub fn add(&mut self, fixed: &[&[f64]], moving: &[&[f64]]) {
-        let (block, frequencies) = (self.block(), self.forward.len() / 2 + 1);
+        let (block, frequencies) = (self.block, self.forward.len() / 2 + 1);
         let mut buffer = vec![Complex::default(); self.forward.len()];
         let mut scratch = vec![Complex::default(); self.forward.get_inplace_scratch_len()];
         let mut transforms =

@@ -17,7 +17,7 @@ const SLOWEST_M_S: f64 = 1.0;
 /// Makes curves of columns.
 pub struct Curves<'a> {
     pub drive: &'a Drive,
-    pub reference: Option<&'a Reference<'a>>,
+    pub reference: Option<&'a Reference>,
     pub options: &'a Options,
     blob: &'a mut Blob,
     /// Instants of the motion that are too slow for angles.
@@ -80,7 +80,7 @@ impl<'a> Spec<'a> {
 impl<'a> Curves<'a> {
     pub fn new(
         drive: &'a Drive,
-        reference: Option<&'a Reference<'a>>,
+        reference: Option<&'a Reference>,
         options: &'a Options,
         blob: &'a mut Blob,
     ) -> Self {
@@ -249,7 +249,7 @@ impl<'a> Curves<'a> {
         let drive = self.drive;
         let reference = self
             .reference
-            .map(|reference| (&*reference.motion, reference));
+            .map(|reference| (&reference.motion, reference));
         self.compared(&drive.motion, reference, y_label, specs)
     }
 
@@ -257,7 +257,7 @@ impl<'a> Curves<'a> {
     pub fn compared(
         &mut self,
         frame: &Frame,
-        reference: Option<(&Frame, &Reference<'_>)>,
+        reference: Option<(&Frame, &Reference)>,
         y_label: &str,
         specs: &[Spec<'_>],
     ) -> Vec<Panel> {

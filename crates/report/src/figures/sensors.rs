@@ -94,26 +94,27 @@ fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 
 /// Histogram of the velocity: middle of the bins, and per cent.
 fn velocities(times: &[f64], values: &[f32]) -> Option<(Vec<f64>, Vec<f64>)> {
-    let steps = times.windows(2);
-    let velocities = steps.zip(values.windows(2)).filter_map(|(time, value)| {
-        let step_s = time[1] - time[0];
-        let velocity = f64::from(value[1] - value[0]) / step_s;
-        (step_s > 0.0 && step_s < GAP_S && velocity.is_finite()).then_some(velocity)
-    });
-    let velocities: Vec<f64> = velocities.collect();
-    let mut sizes: Vec<f64> = velocities.iter().map(|v| v.abs()).collect();
+    let velocities = || {
+        let steps = times.windows(2).zip(values.windows(2));
+        steps.filter_map(|(time, value)| {
+            let step_s = time[1] - time[0];
+            let velocity = f64::from(value[1] - value[0]) / step_s;
+            (step_s > 0.0 && step_s < GAP_S && velocity.is_finite()).then_some(velocity)
+        })
+    };
+    let mut sizes: Vec<f64> = velocities().map(f64::abs).collect();
     let rank = sizes.len().checked_sub(1)? * 999 / 1000;
     let most = *sizes.select_nth_unstable_by(rank, f64::total_cmp).1;
     if most <= 0.0 {
         return None;
     }
     let mut counts = [0_usize; BINS];
-    for velocity in &velocities {
+    for velocity in velocities() {
         let bin = (velocity / most + 1.0) * 0.5 * BINS as f64;
         counts[(bin.max(0.0) as usize).min(BINS - 1)] += 1;
     }
     let middle = |bin: usize| ((bin as f64 + 0.5) / BINS as f64 * 2.0 - 1.0) * most;
-    let part = |count: &usize| *count as f64 / velocities.len() as f64 * 100.0;
+    let part = |count: &usize| *count as f64 / sizes.len() as f64 * 100.0;
     Some((
         (0..BINS).map(middle).collect(),
         counts.iter().map(part).collect(),

@@ -41,7 +41,7 @@ pub fn forces(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
                 .sigma(&sigma)
                 .important();
             let drive = curves.drive;
-            let reference = curves.reference.map(|r| (&*r.forces, r));
+            let reference = curves.reference.map(|r| (&r.forces, r));
             let mut pair = curves.compared(&drive.forces, reference, &label, &[spec]);
             let model = Spec::new("model", &column, Quantity::Force).pen(Pen::Expected);
             pair[0].traces.extend(curves.curve(&drive.model, model));

@@ -118,7 +118,7 @@ pub fn compare(
         let pick = signal.estimate;
         let values = pairs
             .iter()
-            .map(|(a, b)| (a.time.seconds_since(start), pick(a), pick(b)));
+            .map(|(a, b)| (a.time.seconds_since(start), pick.of(a), pick.of(b)));
         signals.extend(difference(values).map(|found| Difference {
             signal: signal.name,
             wheel: signal.wheel,

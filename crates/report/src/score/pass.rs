@@ -21,6 +21,8 @@ use super::{
 
 /// Instants that wait for their counterpart at most: 41 s at 100 Hz.
 pub(super) const WAITING_MAX: usize = 4096;
+/// Instants of the truth that are kept although both outputs have later estimates.
+const PAST_KEPT: usize = 64;
 /// Instants from which the frames of the forces are found: 10 s. The filters settle in less time.
 const HEAD_PAIRS: usize = 1024;
 
@@ -55,6 +57,8 @@ pub(super) struct Pass<'a> {
 struct Output {
     /// Estimates whose truth was not read yet.
     waiting: VecDeque<Box<Estimate>>,
+    /// Time of the last estimate that found its truth.
+    paired: Option<LogTime>,
     /// Pairs that were not compared yet.
     pairs: Pairs,
     /// Number of pairs of the present part that were compared.
@@ -70,6 +74,7 @@ impl Output {
     fn new(low_pass_hz: Option<f64>) -> Self {
         Self {
             waiting: VecDeque::new(),
+            paired: None,
             pairs: Vec::new(),
             part: 0,
             frames: None,
@@ -89,10 +94,11 @@ impl Output {
                     return;
                 }
             }
-            if let (Some(estimate), Some(truth)) = (self.waiting.pop_front(), found)
-                && estimate.time >= from
-            {
-                self.pairs.push((estimate, Rc::clone(truth)));
+            if let (Some(estimate), Some(truth)) = (self.waiting.pop_front(), found) {
+                self.paired = Some(estimate.time);
+                if estimate.time >= from {
+                    self.pairs.push((estimate, Rc::clone(truth)));
+                }
             }
         }
     }
@@ -171,12 +177,27 @@ impl<'a> Pass<'a> {
         self.ground
             .push_truth(&estimate, start.offset_seconds(self.from_s));
         self.truth.insert(estimate.time, Rc::new(estimate));
-        if self.truth.len() > WAITING_MAX
-            && let Some((_, last)) = self.truth.pop_first()
-        {
-            self.spare.extend(Rc::into_inner(last));
-        }
         self.pair();
+        self.forget_truth();
+    }
+
+    /// Leaves out the instants of the truth that no estimate needs: the fewer they are, the more of them stay in
+    /// the processor's cache.
+    fn forget_truth(&mut self) {
+        let [one, other] = self.outputs.each_ref().map(|output| output.paired);
+        // A log may lack one of the outputs.
+        let paired = one.zip(other).map(|(one, other)| one.min(other));
+        while let Some(first) = self.truth.keys().next()
+            && self.truth.len() > PAST_KEPT
+        {
+            let is_past = paired.is_some_and(|paired| *first < paired);
+            if !is_past && self.truth.len() <= WAITING_MAX {
+                return;
+            }
+            let first = self.truth.pop_first();
+            self.spare
+                .extend(first.and_then(|(_, truth)| Rc::into_inner(truth)));
+        }
     }
 
     fn pair(&mut self) {

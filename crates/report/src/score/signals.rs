@@ -2,10 +2,12 @@
 
 use estimator::consistency::{ConsistencyStatistics, WINDOW_STEPS};
 use estimator::score::{DelayStatistics, ErrorStatistics, Errors, SquareStatistics};
-use sample::PerWheel;
+use sample::{Estimate, PerWheel};
 
 use super::forces::{self, Frames};
-use super::{DELAY_MAX, INTERVAL_S, Pair, Signal, SignalScore, each_plain, each_signal};
+use super::{
+    DELAY_MAX, INTERVAL_S, Pair, Signal, SignalScore, TILE_PAIRS, each_plain, each_signal,
+};
 
 /// Errors of all signals so far.
 #[derive(Default)]
@@ -14,7 +16,7 @@ pub(super) struct Signals(Vec<Statistics>);
 struct Statistics {
     /// The score without its numbers.
     score: SignalScore,
-    /// Of the part: estimates, truths, and errors divided by their standard deviations.
+    /// Of the part: estimates, truths, and the finite errors divided by their standard deviations.
     part: [Vec<f64>; 3],
     errors: ErrorStatistics,
     delay: DelayStatistics,
@@ -26,12 +28,18 @@ impl Signals {
     /// Takes the next instants; `frames` as [`forces::known_frames`] gives them.
     pub fn push(&mut self, tile: &[Pair], frames: Option<&Frames>) {
         let all = &mut self.0;
+        let estimates: Vec<&Estimate> = tile.iter().map(|(estimate, _)| &**estimate).collect();
+        let truths: Vec<&Estimate> = tile.iter().map(|(_, truth)| &***truth).collect();
+        let mut found = [[[0.0; TILE_PAIRS]; 2]; 2];
         let mut place = 0;
         let add = |signal: Signal<'_>| {
             if place == all.len() {
                 all.push(Statistics::new(&signal));
             }
-            all[place].push(&signal, tile);
+            let [own, of_truth] = &mut found;
+            signal.estimate.of_each(&estimates, own);
+            signal.truth.of_each(&truths, of_truth);
+            all[place].push(tile.len(), &found);
             place += 1;
         };
         match frames {
@@ -74,29 +82,26 @@ impl Statistics {
         }
     }
 
-    fn push(&mut self, signal: &Signal<'_>, tile: &[Pair]) {
+    /// Takes the first `count` values of estimate and truth, each with standard deviations.
+    fn push(&mut self, count: usize, found: &[[[f64; TILE_PAIRS]; 2]; 2]) {
+        let [[own, sigmas], [of_truth, _]] = found;
         let [values, truths, normalised] = &mut self.part;
-        for (estimate, truth) in tile {
-            let (value, sigma) = (signal.estimate)(estimate);
-            let (truth, _) = (signal.truth)(truth);
-            values.push(value);
-            truths.push(truth);
-            normalised.push((value - truth) / sigma);
-        }
+        values.extend_from_slice(&own[..count]);
+        truths.extend_from_slice(&of_truth[..count]);
+        // Most signals have no standard deviation.
+        let errors = own.iter().zip(of_truth).zip(sigmas).take(count);
+        let errors = errors.map(|((own, truth), sigma)| (own - truth) / sigma);
+        normalised.extend(errors.filter(|z| z.is_finite()));
     }
 
     fn end_part(&mut self) {
         let [values, truths, normalised] = &mut self.part;
         self.errors.push(values, truths);
         self.delay.push(values, truths);
-        // Most signals have no standard deviation.
-        if normalised.iter().any(|z| z.is_finite()) {
-            for z in normalised.iter() {
-                self.squares.push(*z);
-                self.windows.push(&[*z]);
-            }
+        for z in normalised.drain(..) {
+            self.squares.push(z);
+            self.windows.push(&[z]);
         }
-        normalised.clear();
         values.clear();
         truths.clear();
     }

@@ -1,19 +1,43 @@
-//! Motions, tyre forces, roads and ground from the bytes of their messages.
+//! Motions, tyre forces, friction, roads and ground from the bytes of their messages.
 //!
 //! A log has a dozen such messages each hundredth of a second, and the generated types allocate a list and
 //! four texts for each. The functions here take the messages of the present layout with the wheels of two
 //! axles. For any other message they return `None`: the generated types then find its meaning or its
 //! error.
 
+use prost::Message as _;
 use prost::encoding::decode_varint;
 use sample::{
     ForceFrame, LogTime, Motion, PerWheel, Road, RoadPlane, RoadRoughness, TyreForce, Wheel,
 };
 
-use super::estimate::{force_frame, force_source};
+use super::estimate::{force_frame, force_source, forces_from_proto, motion_from_proto};
 use super::road::road_unknown;
+use crate::error::MessageError;
+use crate::proto::atvrec as pb;
 use crate::wheels::wheel_of;
 use crate::{Ground, WheelGround};
+
+/// Sets the motion of a message.
+pub(crate) fn motion(data: &[u8], motion: &mut Motion) -> Result<(), MessageError> {
+    if direct_motion(data, motion).is_none() {
+        *motion = motion_from_proto(&pb::Motion::decode(data)?);
+    }
+    Ok(())
+}
+
+/// Sets the tyre forces of a message, and returns their frame.
+pub(crate) fn forces(
+    data: &[u8],
+    forces: &mut PerWheel<TyreForce>,
+) -> Result<ForceFrame, MessageError> {
+    if let Some(frame) = direct_forces(data, forces) {
+        return Ok(frame);
+    }
+    let (frame, found) = forces_from_proto(&pb::TyreForces::decode(data)?);
+    *forces = found;
+    Ok(frame)
+}
 
 /// A field's value, by its wire type.
 enum Value<'a> {
@@ -61,10 +85,30 @@ fn varint(rest: &mut &[u8]) -> Option<u64> {
 
 /// Numbers of consecutive fields of less than 16 from `first` on, as far as they come in order. A field that
 /// is absent keeps its value.
+#[expect(
+    clippy::inline_always,
+    reason = "the number of values is known where it is called"
+)]
+#[inline(always)]
 fn numbers(rest: &mut &[u8], first: u8, values: &mut [f64]) {
+    let key = |number: u8| number << 3 | 1;
+    // Most messages have all of them.
+    if let Some((all, after)) = rest.split_at_checked(FIELD * values.len()) {
+        let (fields, _) = all.as_chunks::<FIELD>();
+        if (first..)
+            .zip(fields)
+            .all(|(number, field)| field[0] == key(number))
+        {
+            for (value, [_, bytes @ ..]) in values.iter_mut().zip(fields) {
+                *value = f64::from_le_bytes(*bytes);
+            }
+            *rest = after;
+            return;
+        }
+    }
     for (number, value) in (first..).zip(values) {
-        if let Some(([key, bytes @ ..], after)) = rest.split_first_chunk::<9>()
-            && *key == number << 3 | 1
+        if let Some(([found, bytes @ ..], after)) = rest.split_first_chunk::<FIELD>()
+            && *found == key(number)
         {
             *value = f64::from_le_bytes(*bytes);
             *rest = after;
@@ -72,8 +116,11 @@ fn numbers(rest: &mut &[u8], first: u8, values: &mut [f64]) {
     }
 }
 
-/// As `motion_from_proto` of the decoded message.
-pub(super) fn motion(mut rest: &[u8]) -> Option<Motion> {
+/// Bytes of a number with its key.
+const FIELD: usize = 9;
+
+/// As `motion_from_proto` of the decoded message, into `motion`. What it is after `None` does not matter.
+fn direct_motion(mut rest: &[u8], motion: &mut Motion) -> Option<()> {
     // Fields 1 to 14, of which 10 to 12 are no numbers.
     let mut numbers = [0.0; 14];
     let mut acceleration_m_s2 = [0.0; 3];
@@ -107,7 +154,7 @@ pub(super) fn motion(mut rest: &[u8]) -> Option<Motion> {
         grade,
     ] = numbers;
     let per_wheel = |place: usize| PerWheel(wheels.map(|values| values[place]));
-    Some(Motion {
+    *motion = Motion {
         velocity_x_m_s: vx,
         velocity_y_m_s: vy,
         sideslip_rad: beta,
@@ -122,7 +169,8 @@ pub(super) fn motion(mut rest: &[u8]) -> Option<Motion> {
         longitudinal_slip_sigma: per_wheel(3),
         bank_rad: bank,
         grade_rad: grade,
-    })
+    };
+    Some(())
 }
 
 fn set_vector(mut rest: &[u8], vector: &mut [f64; 3]) -> Option<()> {
@@ -154,21 +202,27 @@ fn wheel_motion(mut rest: &[u8]) -> Option<(Wheel, [f64; 4])> {
     Some((wheel_of(axle, side)?, values))
 }
 
-/// As `forces_from_proto` of the decoded message.
-pub(super) fn forces(mut rest: &[u8]) -> Option<(ForceFrame, PerWheel<TyreForce>)> {
+/// As `forces_from_proto` of the decoded message, into `forces`. What they are after `None` does not matter.
+fn direct_forces(mut rest: &[u8], forces: &mut PerWheel<TyreForce>) -> Option<ForceFrame> {
     let mut frame = 0;
-    let mut forces = PerWheel([TyreForce::default(); 4]);
+    let mut is_known = PerWheel([false; 4]);
     while !rest.is_empty() {
         match next(&mut rest)? {
             (5, Value::Varint(number)) => frame = number as i32,
             (6, Value::Bytes(entry)) => {
                 let (wheel, force) = wheel_force(entry)?;
                 forces[wheel] = force;
+                is_known[wheel] = true;
             }
             _ => return None,
         }
     }
-    Some((force_frame(frame), forces))
+    for wheel in Wheel::ALL {
+        if !is_known[wheel] {
+            forces[wheel] = TyreForce::default();
+        }
+    }
+    Some(force_frame(frame))
 }
 
 fn wheel_force(mut rest: &[u8]) -> Option<(Wheel, TyreForce)> {
@@ -286,6 +340,19 @@ fn set_roughness(mut rest: &[u8], values: &mut [Option<f64>; 5]) -> Option<()> {
     Some(())
 }
 
+/// The friction coefficient of each wheel, `NaN` where the message has none.
+pub(super) fn friction(mut rest: &[u8]) -> Option<PerWheel<f64>> {
+    let mut coefficient = PerWheel([f64::NAN; 4]);
+    while !rest.is_empty() {
+        let (1, Value::Bytes(entry)) = next(&mut rest)? else {
+            return None;
+        };
+        let (wheel, [value, _]) = wheel_numbers(entry)?;
+        coefficient[wheel] = value;
+    }
+    Some(coefficient)
+}
+
 /// As `ground_from_proto` of the decoded message.
 pub(super) fn ground(mut rest: &[u8]) -> Option<Ground> {
     let mut ground = Ground {
@@ -341,136 +408,4 @@ fn wheel_ground(mut rest: &[u8]) -> Option<(Wheel, WheelGround)> {
 }
 
 #[cfg(test)]
-mod tests {
-    use prost::Message as _;
-
-    use super::super::estimate::{forces_from_proto, ground_from_proto, motion_from_proto};
-    use super::super::road::road_from_proto;
-    use super::*;
-    use crate::proto::atvrec as pb;
-
-    fn entry(axle: u32, side: &str, base: f64) -> pb::TyreForce {
-        let side = side.to_owned();
-        pb::TyreForce {
-            axle,
-            side,
-            x_n: base,
-            z_n: base + 2.0,
-            x_sigma_n: f64::NAN,
-            z_sigma_n: -0.5,
-            moment_x_n_m: Some(0.0),
-            moment_z_sigma_n_m: Some(base),
-            source: pb::ForceSource::Fusion.into(),
-            ..pb::TyreForce::default()
-        }
-    }
-
-    fn same_forces(data: &[u8]) -> bool {
-        let decoded = pb::TyreForces::decode(data).map(|message| forces_from_proto(&message));
-        match (forces(data), decoded) {
-            (None, _) => false,
-            (found, decoded) => format!("{found:?}") == format!("{:?}", decoded.ok()),
-        }
-    }
-
-    #[test]
-    fn forces_are_those_of_the_generated_type() {
-        let mut message = pb::TyreForces {
-            frame: pb::ForceFrame::WheelCarrier.into(),
-            wheels: [(1, "left"), (2, "right"), (1, "right"), (1, "left")]
-                .into_iter()
-                .zip([1.0, 1e300, -3.0, 4.5])
-                .map(|((axle, side), base)| entry(axle, side, base))
-                .collect(),
-        };
-        let whole = message.encode_to_vec();
-        assert!(same_forces(&whole) && same_forces(&[]));
-        for end in 0..whole.len() {
-            // A cut message has fewer entries, or is none.
-            let cut = &whole[..end];
-            let is_whole = pb::TyreForces::decode(cut).is_ok();
-            assert_eq!(forces(cut).is_some(), is_whole, "{end}");
-            assert!(!is_whole || same_forces(cut), "{end}");
-        }
-        message.wheels.push(entry(3, "left", 1.0));
-        assert!(forces(&message.encode_to_vec()).is_none());
-    }
-
-    #[test]
-    fn a_motion_is_that_of_the_generated_type() {
-        let wheel = |axle, side: &str, slip| pb::WheelMotion {
-            axle,
-            side: side.to_owned(),
-            steer_rad: 0.25,
-            longitudinal_slip: slip,
-            ..pb::WheelMotion::default()
-        };
-        let message = pb::Motion {
-            velocity_x_m_s: 12.5,
-            yaw_rate_rad_s: f64::NAN,
-            acceleration_m_s2: Some(pb::Vector3 {
-                y: 4.0,
-                ..pb::Vector3::default()
-            }),
-            wheels: vec![wheel(1, "right", Some(0.0)), wheel(2, "left", None)],
-            grade_rad: -0.125,
-            ..pb::Motion::default()
-        };
-        let whole = message.encode_to_vec();
-        for end in 0..=whole.len() {
-            let cut = &whole[..end];
-            let decoded = pb::Motion::decode(cut).map(|message| motion_from_proto(&message));
-            assert_eq!(format!("{:?}", motion(cut)), format!("{:?}", decoded.ok()));
-        }
-    }
-
-    #[test]
-    fn a_road_and_a_ground_are_those_of_the_generated_types() {
-        let side = |left| if left { "left" } else { "right" }.to_owned();
-        let road = pb::Road {
-            unknown: pb::RoadUnknown::Slow.into(),
-            wheels: [(1, true), (2, false)]
-                .map(|(axle, left)| pb::WheelRoad {
-                    axle,
-                    side: side(left),
-                    height_m: f64::from(axle) - 1.0,
-                    height_sigma_m: 0.25,
-                })
-                .into(),
-            grade_rad: Some(0.0),
-            warp_sigma_m: Some(2.0),
-            roughness: Some(pb::RoadRoughness {
-                class: "B".to_owned(),
-                gd_n0_low_m3: 1e-6,
-                distance_m: 80.0,
-                ..pb::RoadRoughness::default()
-            }),
-            iri_right_m_km: Some(3.5),
-            ..pb::Road::default()
-        };
-        let vector = |x| Some(pb::Vector3 { x, y: 0.0, z: 1.0 });
-        let ground = pb::Ground {
-            wheels: vec![pb::WheelGround {
-                axle: 2,
-                side: side(true),
-                normal: vector(0.5),
-                unsprung_inertia_n: vector(f64::NAN),
-                ground_height_m: Some(0.0),
-                ..pb::WheelGround::default()
-            }],
-            road_class: Some("C".to_owned()),
-        };
-        let time = LogTime(7);
-        let [road, ground] = [road.encode_to_vec(), ground.encode_to_vec()];
-        for end in 0..=road.len() {
-            let decoded = pb::Road::decode(&road[..end]).map(|road| road_from_proto(time, &road));
-            let found = super::road(time, &road[..end]);
-            assert_eq!(format!("{found:?}"), format!("{:?}", decoded.ok()));
-        }
-        for end in 0..=ground.len() {
-            let decoded = pb::Ground::decode(&ground[..end]).map(ground_from_proto);
-            let found = super::ground(&ground[..end]);
-            assert_eq!(format!("{found:?}"), format!("{:?}", decoded.ok()));
-        }
-    }
-}
+mod tests;

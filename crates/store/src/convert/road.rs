@@ -1,6 +1,6 @@
 //! The road under the wheels.
 
-use sample::{LogTime, Road, RoadPlane, RoadRoughness, RoadUnknown};
+use sample::{LogTime, PerWheel, Road, RoadPlane, RoadRoughness, RoadUnknown};
 
 use super::{nan, some};
 use crate::proto::atvrec as pb;
@@ -86,4 +86,8 @@ pub(super) fn road_unknown(number: i32) -> Option<RoadUnknown> {
         pb::RoadUnknown::Slow => Some(RoadUnknown::Slow),
         pb::RoadUnknown::NoDeflection => Some(RoadUnknown::NoDeflection),
     }
+}
+
+pub(super) fn friction_from_proto(message: &pb::Friction) -> PerWheel<f64> {
+    per_wheel(&message.wheels, f64::NAN, |entry| entry.coefficient)
 }

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::io::Write;
 
 use mcap::McapResult;
+use mcap::records::MessageHeader;
 
 use crate::channels::{Channel, Channels, Outgoing};
 use crate::convert::{Body, Encoded};
 use crate::dynamic::DynamicMessage;
-use crate::mcap_file::{Chunk, McapFile, Stamps};
+use crate::mcap_file::{Chunk, McapFile};
 use crate::proto::atvrec as pb;
 
 /// A chunk of a file, which is being filled.
@@ -33,13 +34,13 @@ impl<W: Write> Filling<'_, W> {
             None => self.begin_channel(channel, dynamic)?,
         };
         channel.messages = channel.messages.wrapping_add(1);
-        let stamps = Stamps {
-            channel: id,
+        let header = MessageHeader {
+            channel_id: id,
             sequence: channel.messages,
             log_time: message.log_time.0,
             publish_time: message.publish_time.0,
         };
-        self.chunk.push(stamps, |out| message.body.encode(out));
+        self.chunk.push(header, |out| message.body.encode(out));
         Ok(())
     }
 

@@ -2,23 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use mcap::records::op;
+use mcap::records::{MessageHeader, op};
 
 use super::{bytes, numbers, record};
-
-/// Bytes of the head of a record: kind and length.
-const RECORD_HEAD: usize = 9;
-/// Bytes of the head of a message: channel, sequence number, log time and publish time.
-const MESSAGE_HEAD: usize = 22;
-
-/// Head of a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Stamps {
-    pub channel: u16,
-    pub sequence: u32,
-    pub log_time: u64,
-    pub publish_time: u64,
-}
+use crate::scan;
 
 /// A chunk that is being filled.
 #[derive(Default)]
@@ -32,22 +19,21 @@ pub(crate) struct Chunk {
 
 impl Chunk {
     /// Adds a message, whose data `encode` appends.
-    pub(crate) fn push(&mut self, stamps: Stamps, encode: impl FnOnce(&mut Vec<u8>)) {
-        let place = self.records.len() as u64;
+    pub(crate) fn push(&mut self, header: MessageHeader, encode: impl FnOnce(&mut Vec<u8>)) {
+        let (place, time) = (self.records.len() as u64, header.log_time);
         record(&mut self.records, op::MESSAGE, |out| {
-            out.extend_from_slice(&stamps.channel.to_le_bytes());
-            out.extend_from_slice(&stamps.sequence.to_le_bytes());
-            out.extend_from_slice(&stamps.log_time.to_le_bytes());
-            out.extend_from_slice(&stamps.publish_time.to_le_bytes());
+            out.extend_from_slice(&header.channel_id.to_le_bytes());
+            out.extend_from_slice(&header.sequence.to_le_bytes());
+            numbers(out, &[time, header.publish_time]);
             encode(out);
         });
-        let channel = usize::from(stamps.channel);
+        let channel = usize::from(header.channel_id);
         if self.index.len() <= channel {
             self.index.resize_with(channel + 1, Vec::new);
         }
-        self.index[channel].push((stamps.log_time, place));
-        let (first, last) = self.span.unwrap_or((stamps.log_time, stamps.log_time));
-        self.span = Some((first.min(stamps.log_time), last.max(stamps.log_time)));
+        self.index[channel].push((time, place));
+        let (first, last) = self.span.unwrap_or((time, time));
+        self.span = Some((first.min(time), last.max(time)));
         self.count += 1;
     }
 
@@ -75,19 +61,15 @@ impl Chunk {
     }
 
     /// The messages in their order.
-    pub(crate) fn messages(&self) -> impl Iterator<Item = (Stamps, &[u8])> {
+    pub(crate) fn messages(&self) -> impl Iterator<Item = (MessageHeader, &[u8])> {
         let mut rest = self.records.as_slice();
-        std::iter::from_fn(move || {
-            loop {
-                let (head, after) = rest.split_first_chunk::<RECORD_HEAD>()?;
-                let length = usize::try_from(u64::from_le_bytes(head[1..].try_into().ok()?));
-                let (body, next) = after.split_at_checked(length.ok()?)?;
-                rest = next;
-                if head[0] == op::MESSAGE {
-                    return message(body);
-                }
-            }
-        })
+        let records = std::iter::from_fn(move || {
+            let (kind, body, after) = scan::split_record(rest)?;
+            rest = after;
+            Some((kind, body))
+        });
+        let messages = records.filter(|(kind, _)| *kind == op::MESSAGE);
+        messages.filter_map(|(_, body)| scan::message(body))
     }
 
     /// Puts records before the messages.
@@ -133,19 +115,4 @@ impl Chunk {
         let channels = (0..=u16::MAX).zip(&self.index);
         channels.filter(|(_, entries)| !entries.is_empty())
     }
-}
-
-fn message(body: &[u8]) -> Option<(Stamps, &[u8])> {
-    let (head, data) = body.split_first_chunk::<MESSAGE_HEAD>()?;
-    let (channel, rest) = head.split_first_chunk::<2>()?;
-    let (sequence, rest) = rest.split_first_chunk::<4>()?;
-    let (log_time, rest) = rest.split_first_chunk::<8>()?;
-    let publish_time = rest.first_chunk::<8>()?;
-    let stamps = Stamps {
-        channel: u16::from_le_bytes(*channel),
-        sequence: u32::from_le_bytes(*sequence),
-        log_time: u64::from_le_bytes(*log_time),
-        publish_time: u64::from_le_bytes(*publish_time),
-    };
-    Some((stamps, data))
 }

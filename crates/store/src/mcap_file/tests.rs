@@ -1,5 +1,6 @@
 use std::borrow::Cow;
 
+use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek, WriteOptions};
 
 use super::*;
@@ -13,9 +14,9 @@ const CHANNELS: [ChannelOf; 3] = [
     ("/raw/can0", &[("source", "2"), ("unit.x", "m")]),
 ];
 
-fn stamps(number: u32) -> Stamps {
-    Stamps {
-        channel: 1 + (number % 3) as u16,
+fn header(number: u32) -> MessageHeader {
+    MessageHeader {
+        channel_id: 1 + (number % 3) as u16,
         sequence: number,
         // The times of channels do not rise together.
         log_time: u64::from(1_000 + number * 7 % 500),
@@ -58,7 +59,7 @@ fn ours(level: Option<u32>) -> Vec<u8> {
     }
     let mut chunk = Chunk::default();
     for number in 0..3_000 {
-        chunk.push(stamps(number), |out| out.extend(data(number)));
+        chunk.push(header(number), |out| out.extend(data(number)));
         if number % 1_000 == 999 {
             file.write_chunk(&mut chunk).unwrap();
         }
@@ -91,14 +92,8 @@ fn of_the_crate() -> Vec<u8> {
             .unwrap();
     }
     for number in 0..3_000 {
-        let of = stamps(number);
-        let header = mcap::records::MessageHeader {
-            channel_id: of.channel,
-            sequence: of.sequence,
-            log_time: of.log_time,
-            publish_time: of.publish_time,
-        };
-        file.write_to_known_channel(&header, &data(number)).unwrap();
+        file.write_to_known_channel(&header(number), &data(number))
+            .unwrap();
         if number % 1_000 == 999 {
             file.flush().unwrap();
         }
@@ -138,7 +133,7 @@ fn compression_changes_no_message() {
 fn messages_can_be_read_back_before_the_chunk_is_written() {
     let mut chunk = Chunk::default();
     for number in 0..10 {
-        chunk.push(stamps(number), |out| out.extend(data(number)));
+        chunk.push(header(number), |out| out.extend(data(number)));
     }
     let mut record_of_a_channel = Vec::new();
     record(&mut record_of_a_channel, op::CHANNEL, |out| text(out, "x"));
@@ -146,6 +141,6 @@ fn messages_can_be_read_back_before_the_chunk_is_written() {
     let back: Vec<_> = chunk.messages().collect();
     assert_eq!(back.len(), 10);
     for (number, (of, contents)) in (0..).zip(back) {
-        assert_eq!((of, contents), (stamps(number), &*data(number)));
+        assert_eq!((of, contents), (header(number), &*data(number)));
     }
 }
