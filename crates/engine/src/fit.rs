@@ -137,7 +137,7 @@ impl<'c> Fit<'c> {
             calibration: Resolved::new(&sensors, &settings.calibration)?,
             vehicle: settings.calibration.applied(&loaded.vehicle),
             columns: Columns::default(),
-            listened: Listened::default(),
+            listened: Listened::new(config),
             messages: Messages::default(),
         })
     }
@@ -163,6 +163,14 @@ impl<'c> Fit<'c> {
                 found: warning,
                 cause: "the sensors file is that of other sensors or settings".to_owned(),
                 remedy: "correct the sensors file".to_owned(),
+            });
+        }
+        for wrong in self.listened.wrong_ranges(self.config) {
+            judgement.misfits.push(Misfit {
+                found: wrong.beyond.found(),
+                remedy: wrong.beyond.remedy(),
+                subject: wrong.channels,
+                cause: "the sensors file is that of another converter".to_owned(),
             });
         }
         let (columns, vehicle, calibration) = (&self.columns, &self.vehicle, &self.calibration);

@@ -1,6 +1,7 @@
-//! What the data of a few seconds say against the configuration: rates, axes of accelerometers, load of
-//! the bus.
+//! What the data of a few seconds say against the configuration: rates, ranges of counts, axes of
+//! accelerometers, load of the bus.
 
+mod ranges;
 mod values;
 
 use std::collections::BTreeMap;
@@ -13,6 +14,7 @@ use store::Record;
 
 use crate::Config;
 use crate::config::{Meaning, Role, Source};
+use ranges::{Ranges, WrongRange};
 use values::Values;
 
 /// Most that a rate may differ from the sensors file's, parts of it.
@@ -33,6 +35,8 @@ pub struct Listened {
     /// Specific force of each inertial unit.
     units: BTreeMap<SourceId, [Mean; 3]>,
     values: Values,
+    /// Counts of the corners; `None` without a vehicle.
+    ranges: Option<Ranges>,
 }
 
 #[derive(Debug)]
@@ -49,6 +53,16 @@ struct Mean {
 }
 
 impl Listened {
+    /// No data yet, to be compared with a configuration.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        let settings = config.estimator.as_ref();
+        Self {
+            ranges: settings.map(|settings| Ranges::new(&settings.sensors)),
+            ..Self::default()
+        }
+    }
+
     /// Takes a record of an engine.
     pub fn push(&mut self, record: &Record) {
         if let Record::Sample(sample) = record {
@@ -67,6 +81,10 @@ impl Listened {
             rate.count += 1;
         };
         self.values.push(sample);
+        if let (Some(ranges), Measurement::Corner(corner)) = (&mut self.ranges, &sample.measurement)
+        {
+            ranges.push(corner);
+        }
         match &sample.measurement {
             Measurement::Corner(corner) if corner.wheel == Wheel::FrontLeft => {
                 // The first channel of the arms: a corner's counts come in two frames.
@@ -119,7 +137,18 @@ impl Listened {
         if config.estimator.is_some() {
             warnings.extend(self.turned_units(config));
         }
+        let wrong = self.wrong_ranges(config).into_iter();
+        warnings.extend(wrong.map(|wrong| format!("{}: {}", wrong.channels, wrong.beyond)));
         warnings
+    }
+
+    /// Channels with counts that the sensors file does not allow.
+    pub(crate) fn wrong_ranges(&self, config: &Config) -> Vec<WrongRange> {
+        let (ranges, settings) = (self.ranges.as_ref(), config.estimator.as_ref());
+        let both = ranges.zip(settings);
+        both.map_or_else(Vec::new, |(ranges, settings)| {
+            ranges.wrong(&settings.vehicle)
+        })
     }
 
     /// Rates and tables that differ from the sensors file, and hub accelerometers that are turned.

@@ -8,6 +8,7 @@ pub mod gnss;
 pub mod hub;
 pub mod imu;
 pub mod load_rig;
+pub mod range;
 mod recording;
 mod recording_error;
 mod resolved;

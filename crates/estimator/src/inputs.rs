@@ -5,6 +5,7 @@ use sample::{
     CornerSample, Counts, HubAccelerationSample, LogTime, PerWheel, StrainChannel, Wheel,
 };
 
+use crate::calibration::range::{BeyondRange, CountRange};
 use crate::calibration::{Channel, CornerChannels, HubSensor, Resolved};
 use crate::grid::GRID_S;
 
@@ -80,6 +81,17 @@ pub struct FrozenChange {
     pub frozen: bool,
 }
 
+/// A channel whose counts are beyond the range of the sensors file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RangeFault {
+    /// Which corner.
+    pub wheel: Wheel,
+    /// Strain channel; `None` for the potentiometer.
+    pub channel: Option<StrainChannel>,
+    /// The counts.
+    pub beyond: BeyondRange,
+}
+
 /// A value and when it was true.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
@@ -129,6 +141,8 @@ pub struct Readings {
     /// Wheel speeds that a monitor has found faulty.
     pub wheel_speed_faulty: [bool; 4],
     liveness: [[Liveness; POTENTIOMETER + 1]; 4],
+    /// Counts of each channel, and whether it was reported that they are beyond the range.
+    ranges: PerWheel<[(CountRange, bool); POTENTIOMETER + 1]>,
     hub_liveness: PerWheel<[Liveness; 3]>,
 }
 
@@ -145,13 +159,21 @@ impl Readings {
     ) {
         let readings = &mut self.corners[corner.wheel];
         let liveness = &mut self.liveness[corner.wheel.index()];
+        let ranges = &mut self.ranges[corner.wheel];
         if use_strain {
             for (i, counts) in corner.strain_counts.iter().enumerate() {
+                if let Some(counts) = counts {
+                    ranges[i].0.push(*counts, channels.strain[i].adc_bits);
+                }
                 let value = counts.and_then(|counts| liveness[i].take(counts, &channels.strain[i]));
                 gather(&mut readings.strain[i], time, value);
             }
         }
         if use_deflection {
+            if let Some(counts) = corner.deflection_counts {
+                let bits = channels.deflection.adc_bits;
+                ranges[POTENTIOMETER].0.push(counts, bits);
+            }
             let value = corner
                 .deflection_counts
                 .and_then(|counts| liveness[POTENTIOMETER].take(counts, &channels.deflection));
@@ -183,6 +205,32 @@ impl Readings {
             }
             for (liveness, name) in self.hub_liveness[wheel].iter_mut().zip(HUB_CHANNELS) {
                 report(name, liveness.change(liveness.frozen()));
+            }
+        }
+    }
+
+    /// Reports the channels whose counts are beyond the range of the sensors file, each once: the range is
+    /// the same for the whole recording.
+    pub fn range_faults(&mut self, calibration: &Resolved, out: &mut impl FnMut(RangeFault)) {
+        for wheel in Wheel::ALL {
+            let corner = &calibration.corners[wheel];
+            for (i, (range, is_reported)) in self.ranges[wheel].iter_mut().enumerate() {
+                let channel = StrainChannel::ALL.get(i).copied();
+                let (known, field) = match channel {
+                    Some(_) => (&corner.strain[i], "strain.adc_bits"),
+                    None => (&corner.deflection, "deflection.adc_bits"),
+                };
+                if *is_reported || known.dead {
+                    continue;
+                }
+                if let Some(beyond) = range.beyond(field, known.adc_bits) {
+                    *is_reported = true;
+                    out(RangeFault {
+                        wheel,
+                        channel,
+                        beyond,
+                    });
+                }
             }
         }
     }

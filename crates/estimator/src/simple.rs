@@ -154,6 +154,7 @@ mod tests {
             gain: 1e-4,
             noise_sigma: 1e-4,
             counts_max: 1023.0,
+            adc_bits: 10,
             frozen_after: None,
             dead: false,
         };

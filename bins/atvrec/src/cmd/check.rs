@@ -108,7 +108,7 @@ fn listen(
     listen_s: f64,
 ) -> anyhow::Result<(Vec<DeviceCheck>, Listened)> {
     let specs = config.sources.iter().map(|source| source.spec.clone());
-    let state = (Listened::default(), engine);
+    let state = (Listened::new(config), engine);
     let mut records = Vec::new();
     let heard = listening::listen(
         specs,

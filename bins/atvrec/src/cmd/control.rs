@@ -23,7 +23,7 @@ const TIMEOUT_WITH_FILES: Duration = Duration::from_secs(60);
 /// Longest response, bytes.
 const RESPONSE_MAX: u64 = 16 << 20;
 /// Configuration of a recorder that runs as a service.
-const SERVICE_CONFIG: &str = "/etc/atvrec/atvrec.toml";
+pub const SERVICE_CONFIG: &str = "/etc/atvrec/atvrec.toml";
 
 /// Adds a mark.
 pub fn mark(args: &MarkArgs) -> anyhow::Result<Outcome> {

@@ -15,6 +15,7 @@ use engine::output::{Kind, Target};
 use sample::text::printable;
 
 use crate::cli::InitArgs;
+use crate::cmd::control::SERVICE_CONFIG;
 use crate::cmd::files::{Files, SENSORS, VEHICLES};
 use crate::exit::{Outcome, UsageError};
 use answers::Answers;
@@ -88,7 +89,7 @@ pub fn run(args: &InitArgs) -> anyhow::Result<Outcome> {
     };
     let vehicle = own(&VEHICLES, &answers.vehicle)?;
     let sensors = own(&SENSORS, &answers.sensors)?;
-    let text = text(&planned, &vehicle, &sensors, &answers);
+    let text = text(&planned, &vehicle, &sensors, &answers, directory);
     Config::from_text(&text, directory)?;
     config.write(&text)?;
     written.insert(0, config.path().to_owned());
@@ -142,9 +143,13 @@ fn find(args: &InitArgs, dbc: &[sources::DbcFile]) -> anyhow::Result<Vec<Planned
                 printable(line)
             );
         }
-        let (clear, doubtful) = one.roles();
-        if clear + doubtful > 0 {
-            println!("      roles of signals: {clear} clear, {doubtful} to be decided");
+        let [clear, doubtful, silent] = one.roles();
+        if clear + doubtful + silent > 0 {
+            let more = match silent {
+                0 => String::new(),
+                silent => format!(", {silent} of messages that did not arrive"),
+            };
+            println!("      roles of signals: {clear} clear, {doubtful} to be decided{more}");
         }
     }
     if planned.iter().all(|one| !one.is_source()) {
@@ -166,7 +171,13 @@ fn named_interface(name: &str) -> FoundInterface {
     })
 }
 
-fn text(planned: &[Planned], vehicle: &str, sensors: &str, answers: &Answers) -> String {
+fn text(
+    planned: &[Planned],
+    vehicle: &str,
+    sensors: &str,
+    answers: &Answers,
+    directory: &Path,
+) -> String {
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let mut text = HEADER.to_owned();
     for one in planned {
@@ -188,8 +199,32 @@ fn text(planned: &[Planned], vehicle: &str, sensors: &str, answers: &Answers) ->
         quoted(sensors),
         quoted(&answers.storage.display().to_string()),
     );
+    text.push_str(match is_of_service(directory) {
+        true => SERVICE_CONTROL,
+        false => CONTROL,
+    });
     text
 }
+
+/// Whether the configuration in `directory` is that of the service.
+fn is_of_service(directory: &Path) -> bool {
+    let config = std::path::absolute(directory.join(CONFIG));
+    config.is_ok_and(|config| config == Path::new(SERVICE_CONFIG))
+}
+
+/// Control socket of the service, in the directory that its unit makes.
+const SERVICE_CONTROL: &str = r#"
+# Socket of `atvrec mark`, `status`, `start`, `stop` and `reload`, in the directory that atvrec.service makes.
+[control]
+socket = "/run/atvrec/control"
+"#;
+
+const CONTROL: &str = r#"
+# Socket of `atvrec mark`, `status`, `start`, `stop` and `reload`. Without this table, the recorder chooses one.
+# [control]
+# The service makes the directory of this one:
+# socket = "/run/atvrec/control"
+"#;
 
 const NO_SOURCE: &str = r#"
 # No device was found. Remove the # of the sources that you have, and correct their devices.
@@ -217,4 +252,31 @@ fn tell(written: &[PathBuf], directory: &Path) {
         "next: replace the values of the templates with those of your vehicle and sensors, then\n  \
          atvrec check{config}\n  atvrec record{config}"
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The configuration of the service has the control socket of its unit; another one shows it.
+    #[test]
+    fn the_configuration_of_the_service_has_the_socket_of_its_unit() {
+        let of = |directory: &str| {
+            let answers = Answers {
+                vehicle: String::new(),
+                sensors: String::new(),
+                storage: answers::storage(Path::new(directory)).into(),
+            };
+            let directory = Path::new(directory);
+            let text = text(&[], "prowler", "thesis-10bit", &answers, directory);
+            let config = Config::from_text(&text, directory).expect("a configuration");
+            (config.control, config.storage.directory)
+        };
+        let (socket, storage) = of("/etc/atvrec");
+        assert_eq!(socket, Some(PathBuf::from("/run/atvrec/control")));
+        assert_eq!(storage, Path::new("/var/lib/atvrec"));
+        let (socket, storage) = of("/home/me/buggy");
+        assert_eq!(socket, None);
+        assert_eq!(storage, Path::new("/home/me/buggy/logs"));
+    }
 }

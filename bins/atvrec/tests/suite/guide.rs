@@ -228,6 +228,16 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "readings of strain arrive, but the sensors file has no table [strain]",
     ),
     (
+        "sed -i 's/^adc_bits = 16/adc_bits = 12/' s.toml",
+        "atvrec check --with m.mcap",
+        "arrive, but strain.adc_bits = 12 of the sensors file allows 0 to 4095",
+    ),
+    (
+        "sed -i 's/^adc_bits = 16/adc_bits = 12/' s.toml; atvrec -q replay m.mcap --sensors s.toml -o y.mcap",
+        "atvrec events y.mcap",
+        "channel FL lower_front has counts beyond its range",
+    ),
+    (
         "role 'steer = \"-Steering.hand_wheel_angle\"'",
         "atvrec check --with m.mcap",
         "likely cause: the sign is reversed; left turns are positive",

@@ -56,7 +56,7 @@ fn the_virtual_ports_are_recognised_and_the_files_are_accepted() {
         "PVTGeodetic",
         "S1 ",
         "Strain_FL",
-        "54 clear, 0 to be decided",
+        "37 clear, 0 to be decided, 17 of messages that did not arrive",
     ] {
         assert!(told.contains(part), "{part}: {told}");
     }
@@ -73,7 +73,10 @@ fn the_virtual_ports_are_recognised_and_the_files_are_accepted() {
         text.contains("steer = \"Steering.hand_wheel_angle\""),
         "{text}"
     );
-    assert!(text.contains("hub_acceleration.FL.x = \"Hub_FL.x\"  # unit count; no frame arrived"));
+    // The virtual vehicle of these ports has no hub accelerometers.
+    let silent = "\n# hub_acceleration.FL.x = \"Hub_FL.x\"  # unit count\n";
+    assert!(text.contains(silent), "{text}");
+    assert!(!text.contains("\nhub_acceleration"), "{text}");
     assert_eq!(
         names(here),
         ["atvrec.toml", "ports", "sensors.toml", "vehicle.toml"]
@@ -286,4 +289,57 @@ fn a_protocol_without_a_decoded_message_has_its_remedy() {
     let text = written(directory.path());
     let table = source_of(&text, &device.path).expect("a source");
     assert!(table.contains("baud = 115200"), "{table}");
+}
+
+/// A command of a unit, with the program of this build and the configuration in `here`.
+fn of_unit(here: &Path, key: &str) -> Vec<String> {
+    let unit = testkit::project().join("packaging/atvrec.service");
+    let unit = fs::read_to_string(unit).expect("the unit");
+    let mut lines = unit.lines();
+    let line = lines.find_map(|line| line.strip_prefix(&format!("{key}=/usr/bin/atvrec ")));
+    let here = here.display().to_string();
+    let words = line.expect("a command").split(' ');
+    words
+        .map(|word| word.replace("/etc/atvrec", &here))
+        .collect()
+}
+
+/// `systemctl reload` reaches the recorder of each configuration, also of one without `[control]`.
+#[test]
+fn the_reload_of_the_unit_reaches_the_recorder_of_a_written_configuration() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let silent = Device::new(Vec::new());
+    init(
+        here,
+        &[],
+        &[&NO_DEVICE[..], &["--bitrate", "500000"]].concat(),
+    )
+    .success();
+    let source = format!(
+        "\n[source.imu]\nkind = \"crossbow440\"\nconfigure = false\ndevice = \"{}\"\n",
+        silent.path
+    );
+    fs::write(here.join("atvrec.toml"), written(here) + &source).expect("written");
+    let record = of_unit(here, "ExecStart");
+    assert_eq!(record[..2], ["record".to_owned(), "--config".to_owned()]);
+    let mut recorder = std::process::Command::new(env!("CARGO_BIN_EXE_atvrec"))
+        .args(&record[..3])
+        .current_dir(here)
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .expect("the recorder starts");
+    let reload = of_unit(here, "ExecReload");
+    let reloads = || atvrec(here).args(&reload).assert().try_success();
+    let mut reloaded = reloads();
+    for _ in 0..100 {
+        if reloaded.is_ok() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        reloaded = reloads();
+    }
+    let stopped = recorder.kill().and_then(|()| recorder.wait());
+    stopped.expect("the recorder was running");
+    reloaded.expect("the recorder is reached");
 }

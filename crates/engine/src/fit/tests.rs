@@ -389,6 +389,23 @@ fn strain(sample: &mut Sample, other: impl Fn(Wheel) -> Wheel) {
     }
 }
 
+/// Counts beyond the bits of the sensors file are named with their channels.
+#[test]
+fn counts_beyond_the_stated_bits_are_named() {
+    let mut recorded = Recorded::new("mixed-driving", "full-bridge-16bit", 12);
+    let settings = recorded.config.estimator.as_mut().expect("a vehicle");
+    settings.sensors.strain.adc_bits = 12;
+    let told = text(&recorded.with(|_| {}));
+    for part in [
+        "MISFIT strain FL upper_front, FL upper_rear,",
+        "strain.adc_bits = 12 of the sensors file allows 0 to 4095",
+        "next step: set strain.adc_bits to the bits of the device's converter, at least 16",
+    ] {
+        assert!(told.contains(part), "{part} is absent from\n{told}");
+    }
+    assert!(!told.contains("MISFIT deflection"), "{told}");
+}
+
 /// Each mistake is named by its subject and its cause, and nothing else is.
 #[test]
 fn mistakes_are_named_with_their_cause() {

@@ -105,6 +105,8 @@ pub struct Channel {
     pub noise_sigma: f64,
     /// Largest count that the converter gives; a reading at 0 or there is saturated.
     pub counts_max: f64,
+    /// Bits of the converter.
+    pub adc_bits: u8,
     /// How often in a row the same count is a fault: the converter's noise moves its counts even at
     /// rest. None where it has too little of it.
     pub frozen_after: Option<u32>,
@@ -360,7 +362,7 @@ fn corner(
             &name,
             given.and_then(|c| c.strain.get(&channel)).copied(),
             nominal_gain,
-            full_scale(chain.adc_bits),
+            chain.adc_bits,
             chain.noise_counts,
             chain.zero_error_counts,
         )?);
@@ -370,7 +372,7 @@ fn corner(
         &format!("corner.{}.deflection", wheel_key(wheel)),
         given.map(|c| c.deflection),
         (!pot.is_not_fitted()).then(|| pot.span_m / full_scale(pot.adc_bits)),
-        full_scale(pot.adc_bits),
+        pot.adc_bits,
         pot.noise_counts,
         pot.zero_error_counts,
     )?;
@@ -388,11 +390,12 @@ fn resolve(
     name: &str,
     given: Option<ChannelCalibration>,
     nominal_gain: Option<f64>,
-    full_scale: f64,
+    adc_bits: u8,
     noise: f64,
     zero_error: f64,
 ) -> Result<Channel, EstimatorError> {
     let given = given.unwrap_or_default();
+    let full_scale = full_scale(adc_bits);
     let gain = given.gain_per_count.or(nominal_gain);
     let dead = given.dead || gain.is_none();
     let gain = finite(&format!("{name}.gain_per_count"), gain.unwrap_or(1.0))?;
@@ -418,6 +421,7 @@ fn resolve(
         frozen_after: frozen_after(noise),
         // The largest value of a 16-bit field means that there is no count.
         counts_max: largest_count(full_scale),
+        adc_bits,
         dead,
     })
 }

@@ -5,7 +5,7 @@ use sample::{Event, EventKind, LogTime, StrainChannel, Wheel};
 
 use crate::calibration::hub::WrongAxes;
 use crate::fusion::ChannelChange;
-use crate::inputs::FrozenChange;
+use crate::inputs::{FrozenChange, RangeFault};
 use crate::watch::{CONTRADICTS, FROZEN, SensorChange};
 
 use super::Output;
@@ -116,6 +116,20 @@ pub(super) fn frozen_event(now: LogTime, change: FrozenChange, vehicle: &Vehicle
         .map_or(channel, |channel| vehicle.channel_name(wheel, channel));
     let name = format!("{wheel} {channel}");
     sensor_event(now, change.frozen, name, FROZEN)
+}
+
+/// A channel whose counts the sensors file does not allow.
+pub(super) fn range_event(now: LogTime, fault: &RangeFault, vehicle: &Vehicle) -> Event {
+    let RangeFault {
+        wheel,
+        channel,
+        beyond,
+    } = fault;
+    let channel = channel.map_or("deflection", |channel| {
+        vehicle.channel_name(*wheel, channel)
+    });
+    let why = format!("has counts beyond its range: {beyond}");
+    sensor_event(now, true, format!("{wheel} {channel}"), &why)
 }
 
 pub(super) fn temperature_event(

@@ -4,7 +4,7 @@ use model::vehicle::Vehicle;
 use nalgebra::{Vector3, Vector6};
 use sample::{Estimate, ForceSource, LogTime, Motion, PerWheel, Rollover, TyreForce, Wheel};
 
-use super::events::{channel_event, frozen_event, vehicle_event};
+use super::events::{channel_event, frozen_event, range_event, vehicle_event};
 use super::lagged::LAG_STEPS;
 use super::{Estimator, Output};
 use crate::feedback::EstimatorFeedback;
@@ -58,6 +58,9 @@ impl Estimator {
             .frozen_changes(&self.calibration, &mut |change| {
                 out(Output::Event(frozen_event(time, change, &self.vehicle)));
             });
+        self.readings.range_faults(&self.calibration, &mut |fault| {
+            out(Output::Event(range_event(time, &fault, &self.vehicle)));
+        });
         settled(*self.moving_since.get_or_insert(time))
     }
 

@@ -1,7 +1,7 @@
 //! What a person decides: vehicle, sensors and storage, from options or from questions.
 
 use std::io::{BufRead, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
@@ -9,8 +9,13 @@ use crate::cli::InitArgs;
 use crate::cmd::files::{Files, SENSORS, VEHICLES};
 use crate::exit::UsageError;
 
-/// Default directory of the logs.
-const STORAGE: &str = "logs";
+/// Default directory of the logs of a configuration in `directory`; the service can write to no other one.
+pub fn storage(directory: &Path) -> &'static str {
+    match super::is_of_service(directory) {
+        true => "/var/lib/atvrec",
+        false => "logs",
+    }
+}
 
 /// The decisions.
 #[derive(Debug, PartialEq, Eq)]
@@ -41,13 +46,14 @@ pub fn ask(
         input.as_deref_mut(),
         output,
     )?;
+    let default = storage(&args.directory);
     let storage = match (&args.storage, input) {
         (Some(storage), _) => storage.clone(),
-        (None, None) => PathBuf::from(STORAGE),
+        (None, None) => PathBuf::from(default),
         (None, Some(input)) => {
-            let question = format!("Directory of the logs [{STORAGE}]: ");
+            let question = format!("Directory of the logs [{default}]: ");
             let answer = answer(&question, input, output)?;
-            PathBuf::from(if answer.is_empty() { STORAGE } else { &answer })
+            PathBuf::from(if answer.is_empty() { default } else { &answer })
         }
     };
     Ok(Answers {

@@ -45,6 +45,8 @@ pub struct Planned {
     /// Name of the source.
     name: String,
     roles: Vec<Proposed>,
+    /// Roles without a doubt whose message did not arrive, although others did.
+    silent: Vec<Proposed>,
 }
 
 /// Reads DBC files. Names in the configuration are relative to `directory`.
@@ -195,6 +197,7 @@ fn of_port(port: &Port, names: &mut Names, listened_s: f64) -> anyhow::Result<Pl
         table: String::new(),
         name: String::new(),
         roles: Vec::new(),
+        silent: Vec::new(),
     };
     Ok(match &port.state {
         PortState::NotOpen(why) => none(why.strip_prefix(&format!("{path}: ")).unwrap_or(why).to_owned()),
@@ -229,6 +232,7 @@ fn of_port(port: &Port, names: &mut Names, listened_s: f64) -> anyhow::Result<Pl
                 table,
                 name,
                 roles: Vec::new(),
+                silent: Vec::new(),
             }
         }
     })
@@ -304,11 +308,12 @@ impl Planned {
         !self.table.is_empty()
     }
 
-    /// Number of signals with a role, and of those that a person must decide on.
-    pub fn roles(&self) -> (usize, usize) {
+    /// Number of signals with a role, of those that a person must decide on, and of those whose message did
+    /// not arrive.
+    pub fn roles(&self) -> [usize; 3] {
         let doubtful = self.roles.iter().filter(|role| role.doubt.is_some());
         let doubtful = doubtful.count();
-        (self.roles.len() - doubtful, doubtful)
+        [self.roles.len() - doubtful, doubtful, self.silent.len()]
     }
 
     /// Its part of the configuration.
@@ -318,7 +323,7 @@ impl Planned {
             comment(&mut text, line);
         }
         text.push_str(&self.table);
-        if !self.roles.is_empty() {
+        if !self.roles.is_empty() || !self.silent.is_empty() {
             let _ = writeln!(text, "\n[source.{}.roles]", self.name);
             self.write_roles(&mut text);
         }
@@ -333,6 +338,15 @@ impl Planned {
         };
         for role in self.roles.iter().filter(|role| role.doubt.is_none()) {
             let _ = writeln!(text, "{}  # {}", line(role), unit(role));
+        }
+        if !self.silent.is_empty() {
+            comment(
+                text,
+                "No frame of these messages arrived. Remove the # where the bus has the message:",
+            );
+        }
+        for role in &self.silent {
+            let _ = writeln!(text, "# {}  # {}", line(role), unit(role));
         }
         let mut doubtful: Vec<(&Proposed, &String)> = Vec::new();
         for role in &self.roles {

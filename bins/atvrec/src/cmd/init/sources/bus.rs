@@ -1,5 +1,6 @@
 //! CAN buses: at interfaces and at SLCAN adapters.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -159,30 +160,41 @@ impl Bus {
             if let (Some(format), None) = (reception.format, reception.problem()) {
                 told.push(format!("{format}, not decoded: {}", format.advice()));
             }
-            note_silent(&mut roles, reception);
         }
+        let silent = match &reception {
+            Some(reception) => without_frames(&mut roles, reception),
+            None => Vec::new(),
+        };
         Ok(Planned {
             told,
             comments,
             table,
             name: self.name,
             roles,
+            silent,
         })
     }
 }
 
-/// Adds to the units of signals that no frame of them arrived.
-fn note_silent(roles: &mut [Proposed], reception: &Reception) {
-    for role in roles {
-        let message = role.signal.split('.').next().unwrap_or_default();
-        if !reception
-            .messages
-            .decoded()
-            .any(|(name, _)| name == message)
-        {
-            role.unit += "; no frame arrived";
+/// Takes the roles without a doubt whose message did not arrive; of the others it is noted.
+fn without_frames(roles: &mut Vec<Proposed>, reception: &Reception) -> Vec<Proposed> {
+    let arrived: BTreeSet<&str> = reception.messages.decoded().map(|(name, _)| name).collect();
+    let (mut proposed, mut silent) = (Vec::new(), Vec::new());
+    for mut role in std::mem::take(roles) {
+        let message = role.signal.trim_start_matches('-').split('.').next();
+        let is_silent = message.is_none_or(|message| !arrived.contains(message));
+        match role.doubt.is_none() {
+            true if is_silent => silent.push(role),
+            clear => {
+                if !clear && is_silent {
+                    role.unit += "; no frame arrived";
+                }
+                proposed.push(role);
+            }
         }
     }
+    *roles = proposed;
+    silent
 }
 
 /// Gives each DBC file to the bus that has most of its frames; without any, to the first bus.
