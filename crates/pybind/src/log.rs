@@ -115,8 +115,9 @@ fn is_field(field: &str, column: &str) -> bool {
         .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// The times of a frame: at a rate over the time that all topics span, or those of the first topic.
-fn targets(tables: &[Table], rate_hz: Option<f64>) -> PyResult<Vec<i64>> {
+/// The times of a frame on the log clock: at a rate, on whole seconds of UTC, over the time that all topics
+/// span, or those of the first topic.
+fn targets(tables: &[Table], rate_hz: Option<f64>, utc_minus_log_ns: i64) -> PyResult<Vec<i64>> {
     let Some(rate_hz) = rate_hz else {
         let first = tables.first().map(|table| table.publish_time_ns.clone());
         let mut times = first.unwrap_or_default();
@@ -128,19 +129,25 @@ fn targets(tables: &[Table], rate_hz: Option<f64>) -> PyResult<Vec<i64>> {
     let (Some(start), Some(end)) = (all().min(), all().max()) else {
         return Ok(Vec::new());
     };
-    let grid = Grid::new(*start, rate_hz).map_err(|e| errors::argument(e.to_string()))?;
-    Ok(grid.times_ns(*start, end.saturating_add(1)))
+    let [start, end] = [*start, *end].map(|time| time.saturating_add(utc_minus_log_ns));
+    let grid = Grid::new(start, rate_hz).map_err(|e| errors::argument(e.to_string()))?;
+    let utc = grid.times_ns(start, end.saturating_add(1));
+    Ok(utc
+        .into_iter()
+        .map(|time| time - utc_minus_log_ns)
+        .collect())
 }
 
-fn read_topic(py: Python<'_>, table: Table) -> PyResult<ReadTopic<'_>> {
+/// `schema` is the name of the topic's schema, by which the units are known that the log does not tell.
+fn read_topic<'py>(py: Python<'py>, table: Table, schema: &str) -> PyResult<ReadTopic<'py>> {
     let columns = PyDict::new(py);
     let units = PyDict::new(py);
     columns.set_item("log_time_ns", table.log_time_ns.into_pyarray(py))?;
     columns.set_item("publish_time_ns", table.publish_time_ns.into_pyarray(py))?;
     for column in table.columns {
         let name = column.name.clone();
-        if !column.unit.is_empty() {
-            units.set_item(&name, &column.unit)?;
+        if let Some(unit) = store::describe::unit(schema, &column) {
+            units.set_item(&name, unit)?;
         }
         columns.set_item(name, arrays::column(py, column)?)?;
     }
@@ -149,6 +156,18 @@ fn read_topic(py: Python<'_>, table: Table) -> PyResult<ReadTopic<'_>> {
 }
 
 impl LogReader {
+    /// Names of the topics' schemas; empty for topics that are left out of the log.
+    fn schemas(&self, topics: &[String]) -> Vec<String> {
+        let channels = self.reader.info().channels;
+        let names = topics.iter().map(|topic| {
+            let channel = channels.get(topic);
+            channel
+                .map(|(schema, _)| schema.clone())
+                .unwrap_or_default()
+        });
+        names.collect()
+    }
+
     fn wanted(
         &self,
         topics: Vec<String>,
@@ -166,6 +185,17 @@ impl LogReader {
             joined,
         })
     }
+}
+
+fn read_topics<'py>(
+    py: Python<'py>,
+    tables: Vec<Table>,
+    schemas: &[String],
+) -> PyResult<Vec<ReadTopic<'py>>> {
+    let pairs = tables.into_iter().zip(schemas);
+    pairs
+        .map(|(table, schema)| read_topic(py, table, schema))
+        .collect()
 }
 
 #[pymethods]
@@ -245,15 +275,13 @@ impl LogReader {
         joined: bool,
     ) -> PyResult<Vec<ReadTopic<'py>>> {
         let span = [LogTime(start_ns), LogTime(end_ns)];
-        self.wanted(topics, fields, joined)?
-            .tables(py, span)?
-            .into_iter()
-            .map(|table| read_topic(py, table))
-            .collect()
+        let schemas = self.schemas(&topics);
+        let tables = self.wanted(topics, fields, joined)?.tables(py, span)?;
+        read_topics(py, tables, &schemas)
     }
 
-    /// Times, and for each topic the columns at these times, their units, and what is missing. Without a
-    /// rate, the times are those of the first topic.
+    /// Times of UTC, and for each topic the columns at these times, their units, and what is missing.
+    /// Without a rate, the times are those of the first topic.
     #[allow(
         clippy::too_many_arguments,
         reason = "the arguments of Python's Log.frame, one by one"
@@ -273,8 +301,14 @@ impl LogReader {
             .parse()
             .map_err(|e: MethodError| errors::argument(e.to_string()))?;
         let span = [LogTime(start_ns), LogTime(end_ns)];
+        let schemas = self.schemas(&topics);
         let tables = self.wanted(topics, fields, true)?.tables(py, span)?;
-        let targets = targets(&tables, rate_hz)?;
+        let utc = self
+            .reader
+            .utc_offset()
+            .map_err(|error| errors::log(&error))?;
+        let utc_minus_log_ns = utc.map_or(0, |utc| utc.offset_ns);
+        let targets = targets(&tables, rate_hz, utc_minus_log_ns)?;
         let (tables, targets) = interrupt::detached(py, move || {
             let aligned = tables.into_iter().map(|table| {
                 let times = table.publish_time_ns;
@@ -291,13 +325,10 @@ impl LogReader {
                 }
             });
             let aligned: Vec<Table> = aligned.collect();
-            (aligned, targets)
+            let utc: Vec<i64> = targets.iter().map(|time| time + utc_minus_log_ns).collect();
+            (aligned, utc)
         })?;
-        let tables: PyResult<Vec<ReadTopic<'py>>> = tables
-            .into_iter()
-            .map(|table| read_topic(py, table))
-            .collect();
-        Ok((targets.into_pyarray(py), tables?))
+        Ok((targets.into_pyarray(py), read_topics(py, tables, &schemas)?))
     }
 
     /// What `atvrec identify KIND` finds in the drive, after `from_s`.

@@ -258,8 +258,8 @@ class Log:
 
         A row without a value is NaN or null. Units are in ``frame.attrs["units"]`` (pandas), in the
         metadata of the fields (arrow) and in ``dataset[name].attrs["units"]`` (xarray). The times are
-        those of the log clock, which was set to UTC when the recording began; ``info()["metadata"]``
-        tells the difference that the receivers found.
+        UTC by the receiver that sent date and time, and those of the log clock, which was set to UTC when
+        the recording began, where none did.
 
         Raises :class:`atvrec.LogError` where the log has no such topic, :class:`atvrec.ArgumentError`
         where a topic has no such field or an argument cannot be used, :class:`ImportError` where the

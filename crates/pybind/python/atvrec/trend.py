@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -179,7 +179,9 @@ def trend(
     """
     if not 0.0001 <= false_alarms <= 0.5:
         raise ArgumentError(f"false_alarms = {false_alarms}: must be from 0.0001 to 0.5")
-    table = dataset if hasattr(dataset, "columns") else _parameters(os.fspath(dataset), storage_options)
+    table: Any = dataset
+    if isinstance(dataset, (str, os.PathLike)):
+        table = _parameters(os.fspath(dataset), storage_options)
     if vehicle is not None:
         table = table[table["vehicle"] == vehicle]
     if parameters is not None:
@@ -217,8 +219,6 @@ def holm(series: Sequence[Series], false_alarms: float) -> list[Series]:
     for place, index in enumerate(np.argsort([one.p for one in series], kind="stable")):
         still = still and series[index].p <= false_alarms / (len(series) - place)
         decided[int(index)] = still
-    from dataclasses import replace
-
     return [replace(one, changed=decided[index]) for index, one in enumerate(series)]
 
 

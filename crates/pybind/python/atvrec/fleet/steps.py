@@ -166,7 +166,8 @@ def _replay(drive: Drive, _: str, step: Step) -> None:
 def _score(drive: Drive, _: str, __: Step) -> None:
     if not any(topic.startswith("/truth/") for topic in drive.log.topics):
         raise NoResult("the log has no truth to compare with")
-    for signal in atvrec.score(drive.log)["signals"]:
+    signals: list[Any] = list(atvrec.score(drive.log)["signals"])
+    for signal in signals:
         names = ("signal", "wheel", "unit", "count", "mean", "rmse", "peak", "normalised_percent")
         drive.add("scores", **{name: signal[name] for name in (*names, "nees", "nees_inside")})
 
@@ -322,7 +323,8 @@ def _normal(x: Doubles) -> Doubles:
     """Distribution function of the normal distribution."""
     from math import erf
 
-    return 0.5 * (1.0 + np.vectorize(erf, otypes=[float])(np.clip(x, -9.0, 9.0) / np.sqrt(2.0)))
+    found = np.vectorize(erf, otypes=[float])(np.clip(x, -9.0, 9.0) / np.sqrt(2.0))
+    return np.asarray(0.5 * (1.0 + found))
 
 
 def _springs(drive: Drive, _: str, step: Step) -> None:
@@ -376,7 +378,7 @@ def _fit(terms: Doubles, values: Doubles) -> tuple[Doubles, Doubles]:
     whole = residual.size // block * block
     scores = (terms * residual[:, None])[:whole].reshape(-1, block, terms.shape[1]).sum(axis=1)
     covariance = inverse @ (scores.T @ scores) @ inverse
-    return value, np.sqrt(np.diag(covariance))
+    return np.asarray(value, float), np.asarray(np.sqrt(np.diag(covariance)))
 
 
 def _rest(drive: Drive, _: str, step: Step) -> None:

@@ -123,12 +123,13 @@ def find(paths: str | os.PathLike[str] | Iterable[Any], storage_options: Options
 def _listed(paths: str | os.PathLike[str] | Iterable[Any]) -> list[str]:
     if isinstance(paths, (str, os.PathLike)):
         return [os.fspath(paths)]
-    if hasattr(paths, "columns"):
-        columns = list(paths.columns)
+    table: Any = paths
+    if hasattr(table, "columns"):
+        columns = list(table.columns)
         if "path" not in columns:
             raise ArgumentError(f"paths: the table has no column path; it has {', '.join(columns)}")
-        paths = list(paths["path"])
-    return [os.fspath(path) for path in paths]
+        table = list(table["path"])
+    return [os.fspath(path) for path in table]
 
 
 def _logs_of(text: str, options: Options) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -344,7 +345,7 @@ class _Target:
         fs, path = self._fs()
         for table in sorted(files, key=lambda table: table == "runs"):
             name = f"{path}/{table}/{key}.parquet"
-            _again(lambda name=name, table=table: tables.put(fs, name, files[table]))  # type: ignore[misc]
+            _again(lambda name=name, table=table: tables.put(fs, name, files[table]))
 
     def remove(self, key: str) -> None:
         fs, path = self._fs()
@@ -515,7 +516,7 @@ def _fetched(one: Run, folder: FilePath, options: Options) -> tuple[list[FilePat
             local = FilePath(path)
         else:
             local = folder / f"{number:04}-{posixpath.basename(path)}"
-            _again(lambda fs=fs, path=path, local=local: fs.get_file(path, str(local)))  # type: ignore[misc]
+            _again(lambda fs=fs, path=path, local=local: fs.get_file(path, str(local)))
         with open(local, "rb") as file:
             digest = hashlib.file_digest(file, "sha256") if hasattr(hashlib, "file_digest") else None
             if digest is None:
