@@ -29,7 +29,7 @@ pub use import::{
 pub use init::InitArgs;
 pub use logs::{
     Axis, EventsArgs, ExportArgs, InfoArgs, RawFormat, RecoverArgs, ReplayArgs, ReplayChanges,
-    ReportArgs, ScoreArgs, UnitSystem,
+    ReportArgs, ScoreArgs, UnitSystem, WideArgs,
 };
 
 const AFTER_HELP: &str = "\
