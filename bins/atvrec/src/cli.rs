@@ -17,7 +17,7 @@ use sim::Manoeuvre;
 
 pub use calibrate::{CalibrateArgs, CalibrateCommand};
 pub use examples::EXAMPLES;
-pub use files::{CheckFilesArgs, DrawArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand};
+pub use files::{CheckFilesArgs, DrawArgs, MassArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand};
 pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
     RollCentreArgs,
@@ -29,7 +29,7 @@ pub use import::{
 pub use init::InitArgs;
 pub use logs::{
     Axis, EventsArgs, ExportArgs, InfoArgs, RawFormat, RecoverArgs, ReplayArgs, ReplayChanges,
-    ReportArgs, ScoreArgs, UnitSystem,
+    ReportArgs, ScoreArgs, UnitSystem, WideArgs,
 };
 
 const AFTER_HELP: &str = "\

@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 68] = [
+pub const EXAMPLES: [(&str, &str); 73] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -60,6 +60,26 @@ pub const EXAMPLES: [(&str, &str); 68] = [
     (
         "atvrec export drive.mcap --topic /estimate/tyre_forces -o forces.csv",
         "write the forces as a table",
+    ),
+    (
+        "atvrec export drive.mcap --wide --rate 100 --method linear -o drive.parquet",
+        "write all topics as one table at 100 Hz",
+    ),
+    (
+        "atvrec export drive.mcap -o drive.mf4",
+        "write all topics as channel groups of an MF4 file",
+    ),
+    (
+        "atvrec export drive.mcap -o track.gpx",
+        "write the positions of the receivers as tracks",
+    ),
+    (
+        "atvrec export drive.mcap --ros2 -o bag",
+        "write a folder with a ROS 2 bag",
+    ),
+    (
+        "atvrec export monday.mcap tuesday.mcap --all -o dataset",
+        "write all topics of two drives as a dataset of Parquet files",
     ),
     ("atvrec info drive.mcap", "show times, channels and losses"),
     ("atvrec check", "check atvrec.toml and the devices in it"),

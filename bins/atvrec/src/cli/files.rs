@@ -25,6 +25,13 @@ pub enum VehicleCommand {
     /// above, and curves over the travel of the wheel: camber, toe-in and motion ratio; of a solid
     /// axle steer in roll, lateral shift and motion ratio.
     Draw(DrawArgs),
+    /// Mass, centre of gravity and moments of inertia from a list of components (CSV).
+    ///
+    /// The columns are name, mass_kg, x_m, y_m, z_m and, if a component is no point mass, its moments
+    /// and product of inertia about its own centre of gravity: ixx_kg_m2, iyy_kg_m2, izz_kg_m2,
+    /// ixz_kg_m2. Positions are forward and left of, and above, the point on the ground below the
+    /// middle of the front axle; parts behind the front axle have a negative x_m.
+    Mass(MassArgs),
 }
 
 /// `atvrec sensors`.
@@ -79,6 +86,27 @@ pub struct DrawArgs {
     /// Drawing to write.
     #[arg(short, long, default_value = "vehicle.svg", value_name = "FILE")]
     pub output: PathBuf,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
+/// `atvrec vehicle mass`.
+#[derive(Debug, Args)]
+pub struct MassArgs {
+    /// List of components (CSV).
+    #[arg(value_name = "COMPONENTS")]
+    pub components: PathBuf,
+    /// Path of a vehicle file, or the name of a built-in one: it gives the wheelbase, and the overrides
+    /// are for it.
+    #[arg(long, value_name = "FILE")]
+    pub vehicle: String,
+    /// Write overrides for the vehicle file to this TOML file.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
     /// Whether outputs may replace files.
     #[command(flatten)]
     pub replace: Replace,

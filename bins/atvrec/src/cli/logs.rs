@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use store::align::Method;
 
 use super::{Replace, number};
 
@@ -242,17 +243,32 @@ pub struct ExportArgs {
     /// Logs, in the order in which they were recorded.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// Topic to export; `atvrec info` lists the topics of a log.
-    #[arg(short, long, value_name = "TOPIC", required_unless_present = "raw")]
-    pub topic: Option<String>,
+    /// Topic to export; `atvrec info` lists the topics of a log. Can be given several times with --wide and
+    /// for a .mf4 or .gpx file.
+    #[arg(short, long, value_name = "TOPIC")]
+    pub topic: Vec<String>,
+    /// Export all topics as a dataset of Parquet files in the folders vehicle=/date=/run=/topic= of the
+    /// folder DIR. The logs may be of several runs, and the folder may contain other runs. Raw data and the
+    /// topics for pictures (/tf, /scene) are not exported.
+    #[cfg(feature = "formats")]
+    #[arg(long, requires = "output", conflicts_with_all = ["topic", "raw", "wide", "ros2"])]
+    pub all: bool,
+    /// One table of several topics.
+    #[command(flatten)]
+    pub wide: WideArgs,
+    /// Export inertial data, positions, velocities, motion and tyre forces as a ROS 2 bag with MCAP storage:
+    /// to a file with .mcap, or to a folder with metadata.yaml.
+    #[arg(long, requires = "output", conflicts_with_all = ["topic", "raw", "wide"])]
+    pub ros2: bool,
     /// Export what the sources sent instead of a topic: the CAN frames, or the bytes of one source.
     #[arg(long, value_enum, value_name = "FORMAT", conflicts_with = "topic")]
     pub raw: Option<RawFormat>,
     /// With --raw, export this source only; can be given several times for CAN frames.
     #[arg(long, value_name = "NAME", requires = "raw")]
     pub source: Vec<String>,
-    /// File to write: .csv, .parquet or .mat, or any name with --raw. Without this option, text or bytes go to
-    /// standard output.
+    /// File to write. A topic: .csv, .parquet or .mat. All or the given topics: .mf4, a channel group for
+    /// each. Positions of the receivers: .gpx. With --raw: any name. With --all: a folder. Without this
+    /// option, text or bytes go to standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Ignore earlier data; seconds from the start of the log.
@@ -264,6 +280,26 @@ pub struct ExportArgs {
     /// Whether outputs may replace files.
     #[command(flatten)]
     pub replace: Replace,
+}
+
+/// One table of several topics.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct WideArgs {
+    /// Export the given topics, or all topics that are in the log, as one table at one rate (.csv or
+    /// .parquet). A gap is empty.
+    #[arg(long, conflicts_with = "raw")]
+    pub wide: bool,
+    /// Rate of the table with --wide [default: 100].
+    #[arg(long = "rate", value_name = "HZ", requires = "wide", value_parser = number::rate_hz, allow_negative_numbers = true)]
+    pub rate_hz: Option<f64>,
+    /// How --wide computes a value at a time: previous (the last value), linear (interpolation; texts, truth
+    /// values and names of values as previous) or nearest [default: previous].
+    #[arg(long, value_name = "METHOD", requires = "wide")]
+    pub method: Option<Method>,
+    /// Longest interval between two values of a column that is no gap, s [default: three times the median
+    /// interval of the column, at most 5].
+    #[arg(long = "max-gap", value_name = "SECONDS", requires = "wide", value_parser = number::gap_s, allow_negative_numbers = true)]
+    pub max_gap_s: Option<f64>,
 }
 
 // A paragraph is one line: it is wrapped where it is printed.

@@ -62,6 +62,16 @@ pub fn rate(text: &str) -> Result<f64, String> {
     within(text, 0.001..=1e6, "times real time")
 }
 
+/// Rate of a table.
+pub fn rate_hz(text: &str) -> Result<f64, String> {
+    within(text, 0.001..=1e6, "Hz")
+}
+
+/// Longest interval between two values that is no gap.
+pub fn gap_s(text: &str) -> Result<f64, String> {
+    within(text, 1e-6..=3600.0, "s")
+}
+
 /// A standard deviation as a fraction of the value.
 pub fn fraction(text: &str) -> Result<f64, String> {
     within(text, 1e-6..=1.0, "")

@@ -1,5 +1,6 @@
 //! `atvrec vehicle` and `atvrec sensors`: the built-in files as templates, checks, and a drawing.
 
+mod mass;
 mod template;
 
 use std::path::Path;
@@ -189,6 +190,7 @@ pub fn vehicle(command: &VehicleCommand) -> anyhow::Result<Outcome> {
         VehicleCommand::Show(args) => VEHICLES.show(args),
         VehicleCommand::Check(args) => check(&VEHICLES, args),
         VehicleCommand::Draw(args) => draw(args),
+        VehicleCommand::Mass(args) => mass::run(args),
     }
 }
 

@@ -118,7 +118,7 @@ fn an_interrupted_command_says_so_and_leaves_no_file() {
     let here = directory.path();
     log(here);
     let before = names(here);
-    let commands: [&[&str]; 6] = [
+    let commands: [&[&str]; 10] = [
         &[
             "export",
             "long.mcap",
@@ -135,6 +135,10 @@ fn an_interrupted_command_says_so_and_leaves_no_file() {
             "-o",
             "forces.parquet",
         ],
+        &["export", "long.mcap", "--all", "-o", "dataset"],
+        &["export", "long.mcap", "--wide", "-o", "wide.csv"],
+        &["export", "long.mcap", "--ros2", "-o", "bag"],
+        &["export", "long.mcap", "-o", "long.mf4"],
         &["replay", "long.mcap", "-o", "again.mcap"],
         &["report", "long.mcap", "-o", "report.html"],
         &["score", "long.mcap"],

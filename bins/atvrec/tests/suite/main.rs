@@ -17,6 +17,8 @@ mod controllers;
 mod demo;
 mod estimate;
 mod export;
+#[cfg(feature = "formats")]
+mod export_many;
 mod files;
 mod folder;
 mod guide;

@@ -14,16 +14,19 @@ use super::{heading, value_name};
 pub struct Writer<W: Write> {
     lines: csv::Writer<W>,
     cell: String,
+    /// Number of columns of times.
+    times: usize,
 }
 
 impl<W: Write> Writer<W> {
-    /// Writes the headings.
-    pub fn new(sink: W, columns: &[Column]) -> io::Result<Self> {
+    /// Writes the headings. `times` are those of `log_time_ns`, and of `publish_time_ns` if the file has it.
+    pub fn new(sink: W, times: &[&str], columns: &[Column]) -> io::Result<Self> {
         let mut writer = Self {
             lines: csv::Writer::from_writer(sink),
             cell: String::new(),
+            times: times.len(),
         };
-        writer.headings(columns).map_err(cause)?;
+        writer.headings(times, columns).map_err(cause)?;
         Ok(writer)
     }
 
@@ -37,9 +40,10 @@ impl<W: Write> Writer<W> {
         self.lines.flush()
     }
 
-    fn headings(&mut self, columns: &[Column]) -> csv::Result<()> {
-        self.lines.write_field("log_time_ns")?;
-        self.lines.write_field("publish_time_ns")?;
+    fn headings(&mut self, times: &[&str], columns: &[Column]) -> csv::Result<()> {
+        for name in times {
+            self.lines.write_field(name)?;
+        }
         for column in columns {
             self.lines
                 .write_field(csv_cell(&heading(column)).as_bytes())?;
@@ -48,11 +52,14 @@ impl<W: Write> Writer<W> {
     }
 
     fn rows(&mut self, table: &Table) -> csv::Result<()> {
-        let Self { lines, cell } = self;
-        let times = table.log_time_ns.iter().zip(&table.publish_time_ns);
-        for (row, times) in times.enumerate() {
-            lines.write_field(times.0.to_string())?;
-            lines.write_field(times.1.to_string())?;
+        let Self { lines, cell, times } = self;
+        for row in 0..table.log_time_ns.len() {
+            for times_ns in [&table.log_time_ns, &table.publish_time_ns]
+                .iter()
+                .take(*times)
+            {
+                lines.write_field(times_ns[row].to_string())?;
+            }
             for column in &table.columns {
                 cell.clear();
                 write_cell(column, row, cell);
