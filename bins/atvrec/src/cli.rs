@@ -17,7 +17,9 @@ use sim::Manoeuvre;
 
 pub use calibrate::{CalibrateArgs, CalibrateCommand};
 pub use examples::EXAMPLES;
-pub use files::{CheckFilesArgs, DrawArgs, MassArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand};
+pub use files::{
+    CheckFilesArgs, DrawArgs, MassArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand,
+};
 pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
     RollCentreArgs,

@@ -189,6 +189,10 @@ pub const EXAMPLES: [(&str, &str); 73] = [
         "draw the hard-points",
     ),
     (
+        "atvrec vehicle mass components.csv --vehicle vehicle.toml -o mass.toml",
+        "mass, centre of gravity and inertia from a list",
+    ),
+    (
         "atvrec sensors new thesis-10bit-hub -o sensors.toml",
         "write a template with comments",
     ),

@@ -160,3 +160,76 @@ fn a_new_file_is_a_template_with_comments() {
         fs::remove_file(here.join("own.toml")).expect("removed");
     }
 }
+
+/// Moments of a solid cuboid about its centre of gravity, kg m^2: m (b² + c²)/12.
+fn cuboid(mass_kg: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    [y * y + z * z, x * x + z * z, x * x + y * y].map(|sum| mass_kg * sum / 12.0)
+}
+
+/// A solid cuboid that is cut into eight has the mass, the centre of gravity and the inertia of the whole.
+#[test]
+fn the_parts_of_a_cuboid_have_the_inertia_of_the_whole() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let (mass_kg, size, centre) = (640.0, [2.4, 1.2, 0.8], [-0.7, 0.05, 0.6]);
+    let mut list = "# cut\nname, mass_kg, x_m, y_m, z_m, ixx_kg_m2, iyy_kg_m2, izz_kg_m2\n".to_owned();
+    for part in 0..8 {
+        let at = |axis: usize| {
+            let side = if part >> axis & 1 == 0 { -0.25 } else { 0.25 };
+            centre[axis] + side * size[axis]
+        };
+        let [xx, yy, zz] = cuboid(mass_kg / 8.0, size.map(|length| length / 2.0));
+        let (x, y, z) = (at(0), at(1), at(2));
+        list += &format!("part {part},{},{x},{y},{z},{xx},{yy},{zz}\n", mass_kg / 8.0);
+    }
+    fs::write(here.join("parts.csv"), list).expect("written");
+    let command = ["vehicle", "mass", "parts.csv", "--vehicle", "prowler"];
+    let found = atvrec(here)
+        .args(command)
+        .args(["--json", "-o", "mass.toml"])
+        .assert()
+        .success();
+    let found: serde_json::Value = serde_json::from_str(&stdout(&found)).expect("JSON");
+    let near = |value: &serde_json::Value, expected: f64| {
+        let value = value.as_f64().expect("a number");
+        assert!((value - expected).abs() < 1e-9, "{value} for {expected}");
+    };
+    near(&found["mass_kg"], mass_kg);
+    for axis in 0..3 {
+        near(&found["cg_m"][axis], centre[axis]);
+        near(&found["moments_kg_m2"][axis], cuboid(mass_kg, size)[axis]);
+        near(&found["products_kg_m2"][axis], 0.0);
+    }
+    // The file is taken as overrides of the vehicle file.
+    let config = "[source.imu]\nkind = \"crossbow440\"\ndevice = \"/dev/null\"\n[vehicle]\nfile = \"prowler\"\nsensors = \"thesis-10bit\"\noverrides = [\"mass.toml\"]\n";
+    fs::write(here.join("atvrec.toml"), config).expect("written");
+    atvrec(here).args(["check", "--no-devices"]).assert().success();
+    let again = atvrec(here).args(command).args(["-o", "mass.toml"]).assert().code(2);
+    assert!(stderr(&again).contains("exists already"), "{}", stderr(&again));
+}
+
+/// Every component with an error is named.
+#[test]
+fn a_list_of_components_with_errors_names_each_of_them() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let said = |list: &str| {
+        fs::write(here.join("parts.csv"), list).expect("written");
+        let command = ["vehicle", "mass", "parts.csv", "--vehicle", "prowler"];
+        stderr(&atvrec(here).args(command).assert().code(2))
+    };
+    let text = said("name,mass_kg,x_m,y_m,z_m,ixx_kg_m2,iyy_kg_m2,izz_kg_m2\nseat,12,-0.7,,0.6,,,\nfuel,-3,-1,0,0.4,,,\nbar,9,-1,0,1,1,1,9\n");
+    for part in [
+        "component 1 (seat): y_m is missing",
+        "component 2 (fuel): mass_kg = -3: must be above 0",
+        "component 3 (bar): moments of inertia 1, 1, 9 kg m^2",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let text = said("name,mass_kg,x_m,y_m\n");
+    assert!(text.contains("the first line lacks z_m"), "{text}");
+    let text = said("name,mass_kg,x_m,y_m,z_m\n");
+    assert!(text.contains("has no component"), "{text}");
+    let text = said("name,mass_kg,x_m,y_m,z_m\nall,600,0.8,0,0.6\n");
+    assert!(text.contains("not between the axles"), "{text}");
+}

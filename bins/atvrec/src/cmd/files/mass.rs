@@ -61,7 +61,9 @@ impl Row {
         let ixz_kg_m2 = self.ixz_kg_m2.unwrap_or_default();
         for (column, value) in INERTIA.iter().zip(own) {
             if !value.is_finite() || value < 0.0 {
-                return Err(format!("{column} = {value}: must be a number that is not negative"));
+                return Err(format!(
+                    "{column} = {value}: must be a number that is not negative"
+                ));
             }
         }
         let [xx, yy, zz] = own;
@@ -119,8 +121,12 @@ fn read(path: &Path) -> anyhow::Result<(MassProperties, usize)> {
         .comment(Some(b'#'))
         .trim(csv::Trim::All)
         .from_reader(file);
-    let heads = reader.headers().with_context(|| format!("{shown} is no CSV file"))?;
-    let missing = COLUMNS.iter().filter(|column| !heads.iter().any(|head| head == **column));
+    let heads = reader
+        .headers()
+        .with_context(|| format!("{shown} is no CSV file"))?;
+    let missing = COLUMNS
+        .iter()
+        .filter(|column| !heads.iter().any(|head| head == **column));
     let missing: Vec<&str> = missing.copied().collect();
     if !missing.is_empty() {
         return Err(usage(format!(
@@ -142,10 +148,12 @@ fn read(path: &Path) -> anyhow::Result<(MassProperties, usize)> {
     let mut problems = Vec::new();
     for (number, row) in reader.deserialize::<Row>().enumerate() {
         let place = format!("component {}", number + 1);
-        let found = row.map_err(|error| format!("{place}: {error}")).and_then(|row| {
-            let named = |problem| format!("{place} ({}): {problem}", row.name);
-            row.component().map_err(named)
-        });
+        let found = row
+            .map_err(|error| format!("{place}: {error}"))
+            .and_then(|row| {
+                let named = |problem| format!("{place} ({}): {problem}", row.name);
+                row.component().map_err(named)
+            });
         match found {
             Ok(part) => {
                 count += 1;
@@ -177,11 +185,17 @@ fn overrides(whole: &MassProperties, vehicle: &Vehicle, args: &MassArgs) -> anyh
     Ok(Table::from_iter([
         ("body.mass_kg".to_owned(), Value::Float(whole.mass_kg)),
         ("body.front_axle_to_cg_m".to_owned(), Value::Float(-x_m)),
-        ("body.cg_to_rear_axle_m".to_owned(), Value::Float(wheelbase_m + x_m)),
+        (
+            "body.cg_to_rear_axle_m".to_owned(),
+            Value::Float(wheelbase_m + x_m),
+        ),
         ("body.cg_y_m".to_owned(), Value::Float(y_m)),
         ("body.cg_height_m".to_owned(), Value::Float(z_m)),
         ("body.inertia_kg_m2".to_owned(), Value::Array(list)),
-        ("body.inertia_xz_kg_m2".to_owned(), Value::Float(whole.products_kg_m2[2])),
+        (
+            "body.inertia_xz_kg_m2".to_owned(),
+            Value::Float(whole.products_kg_m2[2]),
+        ),
     ]))
 }
 
@@ -191,12 +205,21 @@ fn print(whole: &MassProperties, vehicle: &Vehicle, count: usize) {
     let in_front = (vehicle.wheelbase_m() + x_m) / vehicle.wheelbase_m();
     println!("components              {count}");
     println!("mass                    {:.2} kg", whole.mass_kg);
-    println!("centre of gravity       {:.4} m behind the front axle, {y_m:.4} m left, {z_m:.4} m high", -x_m);
+    println!(
+        "centre of gravity       {:.4} m behind the front axle, {y_m:.4} m left, {z_m:.4} m high",
+        -x_m
+    );
     println!("static load in front    {:.1} %", 100.0 * in_front);
     println!("moments of inertia      {roll:.2} (roll) {pitch:.2} (pitch) {yaw:.2} (yaw) kg m^2");
-    println!("product of inertia I_xz {:.2} kg m^2", whole.products_kg_m2[2]);
+    println!(
+        "product of inertia I_xz {:.2} kg m^2",
+        whole.products_kg_m2[2]
+    );
     let file = vehicle.mass_properties();
-    println!("the vehicle file has    {:.2} kg, {:.4} m high", file.mass_kg, file.cg_m[2]);
+    println!(
+        "the vehicle file has    {:.2} kg, {:.4} m high",
+        file.mass_kg, file.cg_m[2]
+    );
 }
 
 /// Text of a file for the vehicle's `overrides`.
