@@ -180,53 +180,113 @@ fn wheel_speed(axle: u8, rad_s: f64) -> Vec<u8> {
     [vec![0x2a, length], wheel].concat()
 }
 
+/// A log with messages of wheel speeds: time in ms, axle and speed of each.
+fn wheel_speeds(here: &Path, name: &str, messages: impl Iterator<Item = (u64, u8, f64)>) {
+    let drive = Reader::open([simulate(here, "drive.mcap", 1)]).expect("a log");
+    let mut channels = drive.channels();
+    let channel = channels
+        .find(|channel| channel.topic == "/wheel_speed")
+        .expect("a channel");
+    let file = File::create(here.join(name)).expect("a file");
+    let mut writer = mcap::Writer::new(file).expect("a writer");
+    let schema = writer.add_schema("atvrec.WheelSpeed", "protobuf", &channel.schema_data);
+    let (schema, metadata) = (schema.expect("a schema"), BTreeMap::new());
+    let id = writer.add_channel(schema, "/wheel_speed", "protobuf", &metadata);
+    let id = id.expect("a channel");
+    for (ms, axle, rad_s) in messages {
+        let header = MessageHeader {
+            channel_id: id,
+            sequence: 0,
+            log_time: ms * 1_000_000,
+            publish_time: ms * 1_000_000,
+        };
+        let message = wheel_speed(axle, rad_s);
+        writer
+            .write_to_known_channel(&header, &message)
+            .expect("written");
+    }
+    writer.finish().expect("closed");
+}
+
 /// The third axle appears after the rows that are in memory at a time.
 #[test]
 fn a_column_that_appears_late_is_in_all_rows() {
     const ROWS: u64 = 5_000;
     let directory = tempfile::tempdir().expect("a directory");
     let here = directory.path();
-    let drive = Reader::open([simulate(here, "drive.mcap", 1)]).expect("a log");
-    let mut channels = drive.channels();
-    let channel = channels
-        .find(|channel| channel.topic == "/wheel_speed")
-        .expect("a channel");
-    let file = File::create(here.join("trailer.mcap")).expect("a file");
-    let mut writer = mcap::Writer::new(file).expect("a writer");
-    let schema = writer.add_schema("atvrec.WheelSpeed", "protobuf", &channel.schema_data);
-    let topic = "/wheel_speed";
-    let schema = schema.expect("a schema");
-    let id = writer
-        .add_channel(schema, topic, "protobuf", &BTreeMap::new())
-        .expect("a channel");
-    for row in 0..=ROWS {
-        let header = MessageHeader {
-            channel_id: id,
-            sequence: 0,
-            log_time: 1_000_000_000 + row * 1_000_000,
-            publish_time: 1_000_000_000 + row * 1_000_000,
-        };
-        let axle = if row == ROWS { 3 } else { 1 };
-        let message = wheel_speed(axle, row as f64);
-        writer
-            .write_to_known_channel(&header, &message)
-            .expect("written");
-    }
-    writer.finish().expect("closed");
-    drop(writer);
+    let messages = (0..=ROWS).map(|row| (1_000 + row, if row == ROWS { 3 } else { 1 }, row as f64));
+    wheel_speeds(here, "trailer.mcap", messages);
     let (code, _, errors) = export(here, &["trailer.mcap", "--all", "-o", "data"]);
     assert_eq!(code, Some(0), "{errors}");
     let place = "vehicle=__HIVE_DEFAULT_PARTITION__/date=1970-01-01/run=trailer";
-    let path = here
-        .join("data")
-        .join(place)
-        .join("topic=%2Fwheel_speed/part-0.parquet");
-    let found = columns(&path);
+    let folder = here.join("data").join(place);
+    let found = columns(&folder.join("topic=%2Fwheel_speed/part-0.parquet"));
     let late = numbers(&found["axle3_left.angular_speed_rad_s"]);
     assert_eq!(late.len() as u64, ROWS + 1);
     assert!(late[..late.len() - 1].iter().all(|value| value.is_nan()));
     assert_eq!(late.last(), Some(&5_000.0));
-    assert_eq!(numbers(&found["fl.angular_speed_rad_s"])[4_999], 4_999.0);
+    let first = numbers(&found["fl.angular_speed_rad_s"]);
+    assert_eq!(first[4_999], 4_999.0);
+}
+
+/// The table is made in stretches of a minute; values on both sides of their ends are used.
+#[test]
+fn a_wide_table_has_no_gap_between_its_stretches() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    // The end of a stretch is between two messages.
+    const INTERVAL_MS: u64 = 70;
+    let messages = (0..=2_000).map(|row| (5_000 + INTERVAL_MS * row, 1, row as f64));
+    wheel_speeds(here, "long.mcap", messages);
+    let arguments = [
+        "long.mcap",
+        "--wide",
+        "--method",
+        "linear",
+        "-o",
+        "long.parquet",
+    ];
+    let (code, _, errors) = export(here, &arguments);
+    assert_eq!(code, Some(0), "{errors}");
+    let found = columns(&here.join("long.parquet"));
+    let speeds = numbers(&found["/wheel_speed.fl.angular_speed_rad_s"]);
+    assert_eq!(speeds.len(), 14_001);
+    for (row, speed) in speeds.iter().enumerate() {
+        // Rows are 10 ms apart. A value near 2,000 is rounded to 2e-13.
+        let expected = row as f64 * 10.0 / INTERVAL_MS as f64;
+        assert!((speed - expected).abs() < 1e-9, "row {row}: {speed}");
+    }
+    let (code, _, errors) = export(here, &["long.mcap", "--raw", "candump", "--all", "-o", "x"]);
+    assert_eq!(code, Some(2), "{errors}");
+}
+
+/// A log without protobuf messages has no tables.
+#[test]
+fn a_log_of_another_program_without_tables_gives_no_dataset() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let file = File::create(here.join("json.mcap")).expect("a file");
+    let mut writer = mcap::Writer::new(file).expect("a writer");
+    let id = writer.add_channel(0, "/text", "json", &BTreeMap::new());
+    let header = MessageHeader {
+        channel_id: id.expect("a channel"),
+        sequence: 0,
+        log_time: 1,
+        publish_time: 1,
+    };
+    writer
+        .write_to_known_channel(&header, b"{}")
+        .expect("written");
+    writer.finish().expect("closed");
+    drop(writer);
+    let (code, _, errors) = export(here, &["json.mcap", "--all", "-o", "data"]);
+    assert_eq!(code, Some(1), "{errors}");
+    assert!(errors.contains("the topic /text is left out"), "{errors}");
+    assert!(
+        errors.contains("json.mcap has no topic that is a table"),
+        "{errors}"
+    );
+    assert_eq!(names(here), ["json.mcap"]);
 }
 
 #[test]

@@ -121,6 +121,11 @@ impl Run {
     fn open(logs: &[PathBuf], args: &ExportArgs) -> anyhow::Result<Self> {
         let reader = Reader::open(logs)?;
         let left_out = LeftOut::of(&reader);
+        let topics = Topic::all(&reader, &left_out);
+        if topics.is_empty() {
+            let log = logs[0].display();
+            anyhow::bail!("{log} has no topic that is a table, so that there is nothing to export");
+        }
         let config = Config::from_attachments(&reader.attachments()?).ok();
         let estimator = config.and_then(|config| config.estimator);
         let utc = reader.utc_offset()?;
@@ -134,7 +139,7 @@ impl Run {
             name: run_name(&reader, &logs[0]),
             vehicle: estimator.map(|estimator| estimator.vehicle.name),
             date: date(utc_ns(started, utc).cast_signed()),
-            topics: Topic::all(&reader, &left_out),
+            topics,
             utc,
             span,
             left_out,

@@ -180,3 +180,61 @@ fn escaped(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;");
     text.replace('>', "&gt;").replace('"', "&quot;")
 }
+
+#[cfg(test)]
+mod tests {
+    use store::{Column, Values};
+
+    use super::*;
+
+    #[test]
+    fn a_message_without_a_solution_ends_the_segment() {
+        let column = |name: &str, values| Column {
+            name: name.to_owned(),
+            unit: String::new(),
+            names: Vec::new(),
+            values,
+            present: None,
+        };
+        let absent = f64::NAN;
+        let table = Table {
+            publish_time_ns: vec![0, 1_500_000_000, 2_000_000_000, 3_000_000_000],
+            columns: vec![
+                column("quality", Values::I32(vec![1, 0, 4, 5])),
+                column("latitude_rad", Values::F64(vec![0.5, absent, -0.5, 0.0])),
+                column(
+                    "longitude_rad",
+                    Values::F64(vec![3.0, absent, std::f64::consts::PI, 0.0]),
+                ),
+                column("height_m", Values::F64(vec![absent, absent, -3.0, 10.25])),
+                column("satellites", Values::U32(vec![7, 0, 8, 9])),
+            ],
+            ..Table::default()
+        };
+        let mut bytes = Vec::new();
+        let mut writer = Writer::new(&mut bytes, LogTime(0), None).expect("written");
+        writer.begin_track("a<b").expect("written");
+        writer.write(&table).expect("written");
+        writer.end_track().expect("written");
+        assert_eq!(writer.points, 3);
+        writer.finish().expect("written");
+        let text = String::from_utf8(bytes).expect("text");
+        let (_, track) = text.split_once("<trk>").expect("a track");
+        let expected = [
+            "<name>a&lt;b</name>",
+            "<trkseg>",
+            "<trkpt lat=\"28.647889757\" lon=\"171.887338539\">\
+             <time>1970-01-01T00:00:00Z</time><fix>3d</fix><sat>7</sat></trkpt>",
+            "</trkseg>",
+            "<trkseg>",
+            "<trkpt lat=\"-28.647889757\" lon=\"-180.000000000\"><ele>-3.0000</ele>\
+             <time>1970-01-01T00:00:02Z</time><fix>dgps</fix><sat>8</sat></trkpt>",
+            "<trkpt lat=\"0.000000000\" lon=\"0.000000000\"><ele>10.2500</ele>\
+             <time>1970-01-01T00:00:03Z</time><sat>9</sat></trkpt>",
+            "</trkseg>",
+            "</trk>",
+            "</gpx>",
+        ];
+        assert_eq!(track.lines().collect::<Vec<_>>(), expected);
+    }
+}
