@@ -30,8 +30,8 @@ pub use import::{
 };
 pub use init::InitArgs;
 pub use logs::{
-    Axis, EventsArgs, ExportArgs, InfoArgs, RawFormat, RecoverArgs, ReplayArgs, ReplayChanges,
-    ReportArgs, ScoreArgs, UnitSystem, WideArgs,
+    Axis, CutArgs, EventsArgs, ExportArgs, InfoArgs, MergeArgs, RawFormat, RecoverArgs, ReplayArgs,
+    ReplayChanges, ReportArgs, ScoreArgs, SplitArgs, UnitSystem, WideArgs,
 };
 
 const AFTER_HELP: &str = "\
@@ -95,6 +95,22 @@ pub enum Command {
     Report(ReportArgs),
     /// List the events of a log, or write the seconds around each of them.
     Events(EventsArgs),
+    /// Write a stretch of a log as a log.
+    ///
+    /// The new log has the raw data, the decoded messages and the estimates of the stretch, and the
+    /// configuration. Its estimates depend on the data before it: `replay --verify` says so, and compares
+    /// what does not.
+    Cut(CutArgs),
+    /// Write several logs as one.
+    ///
+    /// The parts of a run become one file as they are. Of several runs, the data are put in the order of
+    /// their log times, and the estimates are computed from all of them. Sources of equal names are one
+    /// source if the runs follow each other and their configurations describe it alike.
+    Merge(MergeArgs),
+    /// Write a log as several ones, of equal duration or from mark to mark.
+    ///
+    /// Each of them is a log as `atvrec cut` writes.
+    Split(SplitArgs),
     /// Compare the estimates of a log with the truth or another log.
     Score(ScoreArgs),
     /// Record, replay and report a virtual drive, without hardware.

@@ -5,6 +5,7 @@ pub mod check;
 pub mod clock_state;
 pub mod completions;
 pub mod control;
+pub mod cut;
 pub mod demo;
 pub mod events;
 pub mod export;
@@ -18,6 +19,7 @@ pub mod link;
 #[cfg(feature = "live")]
 pub mod live;
 pub mod man;
+pub mod merge;
 mod origin;
 pub mod record;
 pub mod recover;
@@ -25,6 +27,7 @@ pub mod replay;
 pub mod report;
 pub mod score;
 pub mod simulate;
+pub mod split;
 #[cfg(feature = "live")]
 pub mod top;
 pub mod virtual_;

@@ -98,6 +98,43 @@ pub enum Error {
          cannot be verified; give all parts of the run to `replay --verify`, from part 0 on"
     )]
     PartsMissing(store::Missing),
+    /// A log has no data in a stretch of time.
+    #[error(
+        "the log has no data between {from_s:.3} s and {to_s:.3} s: it is {log_s:.3} s long; use other times"
+    )]
+    EmptyStretch {
+        /// Begin, s from the start of the log.
+        from_s: f64,
+        /// End, s from the start of the log.
+        to_s: f64,
+        /// Length of the log, s.
+        log_s: f64,
+    },
+    /// A run cannot be merged with others.
+    #[error("the run {run} cannot be merged: this version cannot read its configuration")]
+    NotMergeable {
+        /// The run.
+        run: String,
+        /// Why.
+        #[source]
+        cause: Box<Error>,
+    },
+    /// Runs have sources of equal names.
+    #[error(
+        "several runs have the sources {}; --rename gives those of the later runs a number. They would be the \
+         same sources if the runs followed each other and the configurations described them alike",
+        .0.join(", ")
+    )]
+    EqualSources(Vec<String>),
+    /// Runs have files of equal names and other contents.
+    #[error(
+        "the runs have different files of the name {0}, but a log contains one file of a name; give one of them \
+         another name in the configuration of its recorder"
+    )]
+    OtherFiles(String),
+    /// Runs have different vehicles.
+    #[error("the runs have different vehicles, {} and {}; merge runs of one vehicle", .0[0], .0[1])]
+    OtherVehicles([String; 2]),
     /// The road is of no class.
     #[error(
         "--road iso8608:{letter}: {letter:?} is not a class of ISO 8608; use A, B, C, D, E or F"
@@ -229,6 +266,8 @@ impl Error {
             | Self::Unreadable { .. }
             | Self::File(_)
             | Self::OtherSources(_)
+            | Self::EqualSources(_)
+            | Self::EmptyStretch { .. }
             | Self::NoVehicleNamed
             | Self::NoVehicleToJudge
             | Self::RoadClass { .. }

@@ -7,17 +7,20 @@
 //! give the same records, bit for bit. [`Replay`] runs an engine with the arrivals of a log and compares
 //! its records with those in the log; [`simulate`](fn@simulate) runs an engine with the bytes of a
 //! virtual vehicle. [`read_recording`] and [`read_drive`] read the data of a calibration step and of an
-//! identification. [`judge_log`] compares a configuration with a log. This crate reads no clock, no device and no environment.
+//! identification. [`judge_log`] compares a configuration with a log. [`Excerpt`] and
+//! [`Merge`] make logs of parts of logs and of several logs. This crate reads no clock, no device and no environment.
 
 mod behind;
 pub mod config;
 mod engine;
 mod error;
+mod excerpt;
 mod feed;
 mod fit;
 mod handling;
 mod left_out;
 mod listened;
+mod merge;
 pub mod missing;
 pub mod output;
 mod read_ahead;
@@ -38,11 +41,13 @@ pub use {estimator, sample, sim, store};
 pub use config::Config;
 pub use engine::{DM1, Engine, MessageCounts, Reception, SILENCE_NS, Skipped};
 pub use error::{Error, Result};
+pub use excerpt::{Copied, Excerpt};
 pub use feed::{Entry, Feed};
 pub use fit::{Fit, Judgement, Misfit, Undecided, judge_log};
 pub use handling::{Handling, identify_handling};
 pub use left_out::LeftOut;
 pub use listened::{Listened, bus_warnings};
+pub use merge::{Merge, Merged};
 pub use recorded::{Window, read_drive, read_swing, vehicle_file, vehicle_of};
 pub use recording::read_recording;
 pub use replay::{Changes, FileSource, Replay, ReplayOptions, Replayed};

@@ -159,6 +159,13 @@ impl<'r> Replay<'r> {
     ) -> std::result::Result<Replayed, E> {
         let mut done = Replayed::default();
         let skipped = skipped(self.reader)?;
+        let origin = self.reader.session().origin.clone();
+        if let (Some(origin), Some(verifier)) = (
+            origin.filter(|origin| origin.is_continued),
+            &mut self.verifier,
+        ) {
+            verifier.continued(origin);
+        }
         let mut truth = self.options.truth.then(|| Truth::of(self.reader));
         let ahead = ReadAhead::start(self.reader.arrivals(), |arrivals| arrivals.missing());
         while let Some(batch) = ahead.next() {

@@ -7,9 +7,9 @@ use std::fmt;
 use std::io::Sink;
 use std::sync::mpsc::Receiver;
 
-use sample::LogTime;
 use sample::text::printable;
-use store::{Encoded, LogWriter, Message, Reader, Record};
+use sample::{LogTime, NANOS_PER_SECOND};
+use store::{Encoded, LogWriter, Message, Origin, Reader, Record};
 
 use crate::behind::Behind;
 use crate::{LeftOut, Result};
@@ -17,6 +17,10 @@ use comparison::{Comparison, Waiting};
 
 /// Most differences that are reported in full.
 const REPORTED_MAX: usize = 3;
+/// Topics of decoded CAN messages.
+const CAN: &str = "/can/";
+/// Time after the begin of a log that continues another run until messages of several frames are complete.
+const SETTLED_NANOS: i64 = 2 * NANOS_PER_SECOND;
 /// Most messages of a decoded record.
 const MESSAGES_PER_RECORD_MAX: u64 = 5;
 
@@ -38,6 +42,8 @@ enum Step {
     BeginningMissing(u64),
     /// Number of the last arrival of a log without its end.
     EndMissing(u64),
+    /// The log continues another run.
+    Continued(Origin),
 }
 
 impl Verifier {
@@ -53,6 +59,7 @@ impl Verifier {
                     Step::ArrivalsMissing(first, time) => comparison.arrivals_missing(first, time),
                     Step::BeginningMissing(first) => comparison.beginning_missing(first),
                     Step::EndMissing(last) => comparison.end_missing(last),
+                    Step::Continued(origin) => comparison.continued(origin),
                 }
             }
             comparison.finish()
@@ -77,6 +84,11 @@ impl Verifier {
     /// Reports that the log ends before arrival number `last`, which its counters state as the last.
     pub fn end_missing(&mut self, last: u64) {
         self.comparing.push(Step::EndMissing(last));
+    }
+
+    /// Reports that the log is a stretch of a run that has earlier data, on which everything can depend.
+    pub fn continued(&mut self, origin: Origin) {
+        self.comparing.push(Step::Continued(origin));
     }
 
     /// Compares the records of the arrival at `now`.
@@ -119,6 +131,8 @@ pub struct Verification {
     begins_at: Option<u64>,
     /// Number of the last arrival of a log that does not end at its end.
     ends_before: Option<u64>,
+    /// The run that the log is a stretch of, if it has earlier data.
+    continued: Option<Origin>,
     /// Lost decoded records by the counters of the log.
     lost_records: u64,
     unfinished: bool,
@@ -132,14 +146,20 @@ impl Verification {
     /// states as lost are no differences. In a log that was cut short, messages on one side only are no
     /// differences either, because decoded messages are written later or earlier than the raw data.
     pub fn is_identical(&self) -> bool {
-        let is_whole = self.begins_at.is_none() && self.uncertain == 0 && !self.earlier_filter;
+        let is_whole = self.begins_at.is_none()
+            && self.continued.is_none()
+            && self.uncertain == 0
+            && !self.earlier_filter;
         !self.has_differences() && is_whole && !self.compared.is_empty()
     }
 
-    /// Whether there is no difference, but raw data of the recording is missing or its estimates are of an
-    /// earlier force filter.
+    /// Whether there is no difference, but raw data of the recording is missing, the log continues another
+    /// run, or its estimates are of an earlier force filter.
     pub fn is_partial(&self) -> bool {
-        let is_part = self.uncertain > 0 || self.begins_at.is_some() || self.earlier_filter;
+        let is_part = self.uncertain > 0
+            || self.begins_at.is_some()
+            || self.continued.is_some()
+            || self.earlier_filter;
         !self.has_differences() && is_part
     }
 
@@ -153,7 +173,8 @@ impl Verification {
     fn settle(&mut self, topic: &str, time: LogTime, waiting: Waiting) {
         let mut recorded = waiting.recorded.into_iter();
         let mut computed = waiting.computed.into_iter();
-        let behind_gap = self.gap.is_some_and(|(_, since)| time >= since);
+        let behind_gap =
+            self.gap.is_some_and(|(_, since)| time >= since) && !self.is_independent(topic, time);
         loop {
             let what = match (recorded.next(), computed.next()) {
                 (None, None) => return,
@@ -182,6 +203,13 @@ impl Verification {
         }
     }
 
+    /// Whether a message of a log that continues another run does not depend on the data before the log: a CAN
+    /// message is decoded from its frames alone.
+    fn is_independent(&self, topic: &str, time: LogTime) -> bool {
+        let since = |origin: &Origin| time >= origin.from + SETTLED_NANOS;
+        self.continued.as_ref().is_some_and(since) && topic.starts_with(CAN)
+    }
+
     fn count(&mut self, topic: &str) {
         match self.compared.get_mut(topic) {
             Some(count) => *count += 1,
@@ -205,6 +233,10 @@ impl Verification {
             "earlier_filter": self.earlier_filter,
             "begins_at_arrival": self.begins_at,
             "ends_before_arrival": self.ends_before,
+            "continued_from": self.continued.as_ref().map(|origin| serde_json::json!({
+                "run_id": origin.run_id,
+                "at_ns": origin.from.0,
+            })),
             "first_missing_arrival": self.gap.map(|(first, _)| first),
             "lost_records": self.lost_records,
             "first_differences": self.differences,
@@ -227,6 +259,9 @@ impl fmt::Display for Verification {
                  cannot be verified; verify the whole run",
                 self.uncertain
             );
+        }
+        if let (Some(origin), false) = (&self.continued, self.has_differences()) {
+            return self.write_continued(f, origin);
         }
         if compared == 0 && self.different == 0 {
             return writeln!(
@@ -290,6 +325,24 @@ impl fmt::Display for Verification {
             )?;
         }
         Ok(())
+    }
+}
+
+impl Verification {
+    fn write_continued(&self, f: &mut fmt::Formatter<'_>, origin: &Origin) -> fmt::Result {
+        writeln!(
+            f,
+            "VERIFIED IN PART: the log continues the run {} from {} s on: {} messages on {} topics are \
+             bit-identical, among them every decoded CAN message after the first {} s. {} messages, such as \
+             estimates, depend on the data before this time, which are not in the log, and cannot be compared; \
+             verify the whole run",
+            printable(&origin.run_id),
+            origin.from,
+            Self::sum(&self.compared),
+            self.compared.len(),
+            SETTLED_NANOS / NANOS_PER_SECOND,
+            self.uncertain
+        )
     }
 }
 

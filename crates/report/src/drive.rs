@@ -42,9 +42,6 @@ const SENSORS: [&str; 9] = [
 const BATCH_ROWS: usize = 512;
 /// Stretches of an envelope in which the samples of a source are counted: a second in a short drive.
 const RATE_STRETCHES: f64 = 10.0;
-/// Time before and after an event that `--around` shows, s.
-pub const AROUND_S: f64 = 5.0;
-
 /// One drive.
 #[derive(Default)]
 pub struct Drive {
@@ -130,7 +127,7 @@ impl Drive {
     ) -> Result<Self, Error> {
         let info = reader.info();
         let mut drive = Self::of_info(reader, &info)?;
-        drive.span_s = drive.choose_span(reader, &info, options)?;
+        drive.span_s = options.stretch().seconds(reader)?;
         drive.stage = drive.choose_stage(&info, options)?;
         let sinks = drive.sinks(&info);
         drive.expect_rows(&sinks, &info);
@@ -213,34 +210,6 @@ impl Drive {
             utc_offset,
             ..Self::default()
         })
-    }
-
-    fn choose_span(
-        &self,
-        reader: &Reader,
-        info: &Info,
-        options: &Options,
-    ) -> Result<[f64; 2], Error> {
-        let (first, last) = info.span.unwrap_or_default();
-        let whole_s = last.seconds_since(first);
-        let mut span_s = [
-            options.from_s.unwrap_or(0.0).max(0.0),
-            options.to_s.unwrap_or(whole_s).min(whole_s),
-        ];
-        if let Some(around) = &options.around {
-            let events = events(reader)?;
-            let event = find_event(&events, around)?;
-            let at_s = event.time.seconds_since(first);
-            span_s = [(at_s - AROUND_S).max(0.0), (at_s + AROUND_S).min(whole_s)];
-        }
-        if span_s[0] > span_s[1] {
-            return Err(Error::Span {
-                from_s: span_s[0],
-                to_s: span_s[1],
-                whole_s,
-            });
-        }
-        Ok(span_s)
     }
 
     fn choose_stage(&self, info: &Info, options: &Options) -> Result<&'static str, Error> {
@@ -491,36 +460,4 @@ impl Drive {
 /// Whether a topic has the travel of the suspension.
 fn is_travel_topic(topic: &str) -> bool {
     topic.starts_with("/deflection")
-}
-
-/// All events of a log.
-///
-/// # Errors
-/// If the log cannot be read.
-pub fn events(reader: &Reader) -> store::Result<Vec<Event>> {
-    let mut events = Vec::new();
-    for message in reader.messages(Selection::topics(["/estimate/events"])) {
-        if let Some(Record::Event(event)) = message?.record()? {
-            events.push(event);
-        }
-    }
-    Ok(events)
-}
-
-/// The event with a number from 1, or the first of a kind.
-fn find_event<'a>(events: &'a [Event], wanted: &str) -> Result<&'a Event, Error> {
-    let found = match wanted.parse::<usize>() {
-        Ok(number) => number.checked_sub(1).and_then(|index| events.get(index)),
-        Err(_) => events.iter().find(|event| event.kind.name() == wanted),
-    };
-    found.ok_or_else(|| {
-        let mut kinds: Vec<&str> = events.iter().map(|event| event.kind.name()).collect();
-        kinds.sort_unstable();
-        kinds.dedup();
-        Error::NoEvent {
-            wanted: wanted.to_owned(),
-            count: events.len(),
-            kinds: kinds.join(", "),
-        }
-    })
 }

@@ -22,6 +22,7 @@ mod picture;
 mod plot;
 mod reference;
 pub mod score;
+mod stretch;
 mod summary;
 mod tiles;
 
@@ -32,10 +33,10 @@ use store::{Attachment, Reader};
 pub use store;
 
 pub use cycles::{Cycle, rainflow};
-pub use drive::events;
 pub use options::{Gate, Gates, Options, Quantity, Units};
 pub use picture::{Picture, PictureError};
 pub use plot::{Data, Figure, Kind, Panel, Pen, Trace};
+pub use stretch::{AROUND_S, Stretch, events, marks};
 pub use tiles::{Area, TileFile, TilesError};
 
 /// Why there is no report.
@@ -45,10 +46,10 @@ pub enum Error {
     /// A log could not be read.
     #[error(transparent)]
     Log(#[from] store::Error),
-    /// The log has no such event.
+    /// The log has no such event and no such mark.
     #[error(
-        "the log has no event {wanted:?}; it has {count} events{}; use a number from 1 or a kind \
-         (`atvrec events` lists them)", kinds_of(.kinds)
+        "the log has no event and no mark {wanted:?}; it has {count} events{} and {}; use a number from 1 or a \
+         kind (`atvrec events` lists them), or the text of a mark", kinds_of(.kinds), marks_of(.marks)
     )]
     NoEvent {
         /// What was asked for.
@@ -57,6 +58,8 @@ pub enum Error {
         count: usize,
         /// Their kinds.
         kinds: String,
+        /// Texts of its marks.
+        marks: Vec<String>,
     },
     /// The end is before the begin, or the begin after the end of the log.
     #[error(
@@ -97,6 +100,20 @@ fn kinds_of(kinds: &str) -> String {
     match kinds {
         "" => String::new(),
         kinds => format!(" ({kinds})"),
+    }
+}
+
+fn marks_of(marks: &[String]) -> String {
+    const SHOWN: usize = 20;
+    let shown = marks.iter().take(SHOWN).map(|text| format!("{text:?}"));
+    let shown: Vec<String> = shown.collect();
+    match marks.len() {
+        0 => "no mark".to_owned(),
+        count => {
+            let more = if count > SHOWN { ", ..." } else { "" };
+            let plural = if count == 1 { "" } else { "s" };
+            format!("{count} mark{plural} ({}{more})", shown.join(", "))
+        }
     }
 }
 

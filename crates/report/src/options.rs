@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::picture::Picture;
+use crate::stretch::Stretch;
 use crate::tiles::TileFile;
 
 /// Settings of a report.
@@ -12,7 +13,7 @@ pub struct Options {
     pub from_s: Option<f64>,
     /// End, s from the first message of the log.
     pub to_s: Option<f64>,
-    /// Only 5 s around an event: its number from 1, or the name of a kind.
+    /// Only 5 s around an event (its number from 1, or the name of a kind) or a mark (its text).
     pub around: Option<String>,
     /// Logs of another run, which is drawn beside this one.
     pub against: Vec<PathBuf>,
@@ -34,6 +35,17 @@ pub struct Options {
     pub tiles: Option<TileFile>,
     /// Lines with what was not estimated, and why.
     pub limits: Vec<String>,
+}
+
+impl Options {
+    /// The part of the log that is shown.
+    pub(crate) fn stretch(&self) -> Stretch<'_> {
+        Stretch {
+            from_s: self.from_s,
+            to_s: self.to_s,
+            around: self.around.as_deref(),
+        }
+    }
 }
 
 /// Where laps begin and end.

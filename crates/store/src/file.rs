@@ -10,7 +10,7 @@ use sample::{Arrival, LogTime};
 use crate::journal;
 use crate::log_writer::{Latched, Pending};
 use crate::proto::atvrec as pb;
-use crate::{Error, LogWriter, Losses, Options, Record, Result, Session, WriteCounters};
+use crate::{Encoded, Error, LogWriter, Losses, Options, Record, Result, Session, WriteCounters};
 
 /// Ending of the name of an unfinished log.
 pub const ACTIVE_SUFFIX: &str = ".active";
@@ -263,6 +263,11 @@ impl Writer {
     /// Takes a decoded record; see [`LogWriter::record`].
     pub fn record(&mut self, record: &Record) {
         self.log.record(record);
+    }
+
+    /// Takes an encoded message of another log; see [`LogWriter::message`].
+    pub fn message(&mut self, message: &Encoded) {
+        self.log.message(message);
     }
 
     /// Writes what is due at `now`; see [`LogWriter::flush_due`].

@@ -73,7 +73,7 @@ pub use rename::{RENAME_SUFFIX, finish_renames, rename_run};
 pub use scan::{DEFAULT_MAX_CHUNK, max_chunk, set_max_chunk};
 pub use scene::{Form, Scene, SceneEntity, Shape};
 pub use session::{
-    Attachment, ClockState, InjectedFault, Options, Session, Source, SourceKind, utc_ns,
+    Attachment, ClockState, InjectedFault, Options, Origin, Session, Source, SourceKind, utc_ns,
 };
 pub use summary::Summary;
 pub use table::{Column, RowDecoder, Table, Tables, Values};

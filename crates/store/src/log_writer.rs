@@ -256,6 +256,12 @@ impl<W: Write> LogWriter<W> {
         self.channels.encode(record, &name, dynamic)
     }
 
+    /// Takes an encoded message of another log, whose schema is one of this program's. It is in the log after
+    /// the next flush.
+    pub fn message(&mut self, message: &Encoded) {
+        self.keep(message);
+    }
+
     fn keep(&mut self, message: &Encoded) {
         self.latched.see_message(message);
         self.decoded_since.get_or_insert(message.log_time);

@@ -37,6 +37,54 @@ pub struct Session {
     /// Faults of sensors that a simulation injected; `None` if the log is not of a simulation, or of
     /// an older version.
     pub injected_faults: Option<Vec<InjectedFault>>,
+    /// The run that this log is a stretch of; `None` for a log that was recorded or computed as a whole.
+    pub origin: Option<Origin>,
+}
+
+/// The run that a log is a stretch of.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Origin {
+    /// Its name.
+    pub run_id: String,
+    /// Log clock from which on the log has the data of the run.
+    pub from: LogTime,
+    /// Log clock up to which the log has the data of the run.
+    pub to: LogTime,
+    /// Whether the run has data before `from`, on which the estimates of the log depend.
+    pub is_continued: bool,
+    /// Counters of the run: its data and its losses.
+    pub counters: BTreeMap<String, u64>,
+}
+
+impl Origin {
+    /// Keys of the metadata that opens a file.
+    fn put(&self, map: &mut BTreeMap<String, String>) {
+        let counters = self.counters.iter();
+        map.extend(
+            counters.map(|(name, value)| (format!("{ORIGIN_COUNTER}{name}"), value.to_string())),
+        );
+        map.extend([
+            ("origin.run_id".to_owned(), self.run_id.clone()),
+            ("origin.from_ns".to_owned(), self.from.0.to_string()),
+            ("origin.to_ns".to_owned(), self.to.0.to_string()),
+            ("continued".to_owned(), self.is_continued.to_string()),
+        ]);
+    }
+
+    fn of(map: &BTreeMap<String, String>) -> Option<Self> {
+        let time = |key: &str| map.get(key)?.parse().ok().map(LogTime);
+        let counters = map.iter().filter_map(|(key, value)| {
+            let name = key.strip_prefix(ORIGIN_COUNTER)?;
+            Some((name.to_owned(), value.parse().ok()?))
+        });
+        Some(Self {
+            run_id: map.get("origin.run_id")?.clone(),
+            from: time("origin.from_ns")?,
+            to: time("origin.to_ns")?,
+            is_continued: map.get("continued").is_some_and(|value| value == "true"),
+            counters: counters.collect(),
+        })
+    }
 }
 
 /// A fault of a sensor that a simulation injected.
@@ -236,6 +284,8 @@ impl Default for Options {
 pub(crate) const CONTRACT: u32 = 0;
 /// A topic that is kept for states of the estimator. Nothing writes it yet.
 pub(crate) const RESERVED_TOPIC: &str = "/checkpoint";
+/// How the keys with the counters of the run begin that a log is a stretch of.
+const ORIGIN_COUNTER: &str = "origin.counter.";
 /// Name of the metadata record that opens each file.
 pub(crate) const RUN_METADATA: &str = "atvrec.run";
 /// Name of the metadata record with the last offset of UTC.
@@ -301,6 +351,9 @@ impl Session {
                 map.insert(format!("injected_fault.{i:05}"), fault.to_text());
             }
         }
+        if let Some(origin) = &self.origin {
+            origin.put(&mut map);
+        }
         for source in &self.sources {
             map.insert(
                 format!("source.{:05}", source.id.0),
@@ -338,6 +391,7 @@ impl Session {
             sources,
             dynamic: Vec::new(),
             attachments: Vec::new(),
+            origin: Origin::of(map),
             injected_faults: map.contains_key("injected_faults").then(|| {
                 let faults = map
                     .iter()
@@ -401,6 +455,13 @@ mod tests {
                     from_s: 5.5,
                     to_s: f64::INFINITY,
                 }]),
+                origin: Some(Origin {
+                    run_id: "a-run".to_owned(),
+                    from: LogTime(5),
+                    to: LogTime(u64::MAX),
+                    is_continued: true,
+                    counters: BTreeMap::from([("arrivals".to_owned(), 12)]),
+                }),
                 ..Session::default()
             };
             assert_eq!(Session::from_metadata(&session.to_metadata(3)), session);

@@ -9,6 +9,7 @@ say install
     for name in man/man5/atvrec.toml.5 man/man5/atvrec-vehicle.5 man/man1/atvrec-init.1; do
         grep -q "/usr/share/$name" /rig/package.list
     done
+    grep -q "^zstd-sys .*(texts " /usr/share/doc/atvrec/THIRD-PARTY
     ls /usr/share/doc/atvrec/examples/vehicles/prowler.toml* /usr/share/doc/atvrec/examples/prowler.dbc*
 }
 

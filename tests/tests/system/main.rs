@@ -4,4 +4,5 @@ mod kills;
 mod layering;
 #[cfg(feature = "rig")]
 mod rig;
+mod third_party;
 mod units;

@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 73] = [
+pub const EXAMPLES: [(&str, &str); 80] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -31,6 +31,30 @@ pub const EXAMPLES: [(&str, &str); 73] = [
     (
         "atvrec events drive.mcap --snapshot events",
         "write the seconds around each event",
+    ),
+    (
+        "atvrec cut drive.mcap --from 60 --to 90 -o turn.mcap",
+        "write half a minute of a log as a log",
+    ),
+    (
+        "atvrec cut drive.mcap --around lift -o lift.mcap",
+        "write 5 s before and after the first lift",
+    ),
+    (
+        "atvrec merge drive_0000.mcap drive_0001.mcap -o drive.mcap",
+        "write the parts of a run as one log",
+    ),
+    (
+        "atvrec merge car.mcap trailer.mcap --rename -o both.mcap",
+        "merge the runs of two recorders by their log times",
+    ),
+    (
+        "atvrec split drive.mcap --every 600 -o pieces",
+        "write a log for each ten minutes",
+    ),
+    (
+        "atvrec split drive.mcap --at-marks -o pieces",
+        "write a log from each mark to the next one",
     ),
     (
         "atvrec score run.mcap --methods",

@@ -1,4 +1,5 @@
-//! Commands that read logs: `replay`, `report`, `events`, `score`, `info`, `export`, `recover`.
+//! Commands that read logs: `replay`, `report`, `events`, `cut`, `merge`, `split`, `score`, `info`, `export`,
+//! `recover`.
 
 use std::path::PathBuf;
 
@@ -88,6 +89,90 @@ pub struct ReplayChanges {
     pub method: Option<String>,
 }
 
+/// Part of a log: `report` and `cut`.
+#[derive(Debug, Args)]
+pub struct StretchArgs {
+    /// Leave out earlier data; seconds from the start of the log.
+    #[arg(long = "from", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
+    pub from_s: Option<f64>,
+    /// Leave out later data; seconds from the start of the log.
+    #[arg(long = "to", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
+    pub to_s: Option<f64>,
+    /// Only 5 s before and after an event (its number in `atvrec events`, or the first one of a kind) or
+    /// the first mark with this text.
+    #[arg(long, value_name = "EVENT|MARK", conflicts_with_all = ["from_s", "to_s"])]
+    pub around: Option<String>,
+}
+
+impl StretchArgs {
+    /// As the stretch of a log.
+    pub fn of_log(&self) -> report::Stretch<'_> {
+        report::Stretch {
+            from_s: self.from_s,
+            to_s: self.to_s,
+            around: self.around.as_deref(),
+        }
+    }
+}
+
+/// `atvrec cut`.
+#[derive(Debug, Args)]
+#[group(skip)]
+#[command(group = clap::ArgGroup::new("part").args(["from_s", "to_s", "around"]).required(true).multiple(true))]
+pub struct CutArgs {
+    /// Logs of a run: all parts that the stretch is in.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Part of the log.
+    #[command(flatten)]
+    pub stretch: StretchArgs,
+    /// Log to write.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
+/// `atvrec merge`.
+#[derive(Debug, Args)]
+pub struct MergeArgs {
+    /// Logs: parts of a run, or of several runs.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Log to write.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Give sources of later runs that have the name of another source a number: imu, imu_2.
+    #[arg(long)]
+    pub rename: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
+/// `atvrec split`.
+#[derive(Debug, Args)]
+#[group(skip)]
+#[command(group = clap::ArgGroup::new("where").args(["every_s", "at_marks"]).required(true))]
+pub struct SplitArgs {
+    /// Logs of a run.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Begin a new log after this time.
+    #[arg(long = "every", value_name = "SECONDS", value_parser = number::duration_s, allow_negative_numbers = true)]
+    pub every_s: Option<f64>,
+    /// Begin a new log at each mark.
+    #[arg(long)]
+    pub at_marks: bool,
+    /// Directory of the new logs.
+    #[arg(short = 'o', long = "output", value_name = "DIR")]
+    pub directory: PathBuf,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
 /// `atvrec report`.
 #[derive(Debug, Args)]
 pub struct ReportArgs {
@@ -97,15 +182,9 @@ pub struct ReportArgs {
     /// Report to write (HTML); it needs no network.
     #[arg(short, long, default_value = "report.html", value_name = "FILE")]
     pub output: PathBuf,
-    /// Leave out earlier data; seconds from the start of the log.
-    #[arg(long = "from", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
-    pub from_s: Option<f64>,
-    /// Leave out later data; seconds from the start of the log.
-    #[arg(long = "to", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
-    pub to_s: Option<f64>,
-    /// Show only 5 s around an event: its number in `atvrec events`, or the first one of a kind.
-    #[arg(long, value_name = "EVENT", conflicts_with_all = ["from_s", "to_s"])]
-    pub around: Option<String>,
+    /// Part of the log.
+    #[command(flatten)]
+    pub stretch: StretchArgs,
     /// Draw the estimates of these logs of another run beside this one.
     #[arg(long, value_name = "LOG")]
     pub against: Vec<PathBuf>,

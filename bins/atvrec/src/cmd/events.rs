@@ -3,19 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use engine::Excerpt;
 use engine::output::{Kind, Target};
-use engine::{Config, Entry};
+use report::AROUND_S;
 use sample::text::printable;
 use sample::{Event, LogTime};
 use serde_json::{Value, json};
-use store::{Options, Reader, Selection, Session};
+use store::Reader;
 
 use crate::cli::EventsArgs;
 use crate::exit::Outcome;
 use crate::interrupt::Interrupt;
-
-/// Time before and after an event in a snapshot, s.
-const AROUND_S: f64 = 5.0;
 
 /// Runs the command.
 pub fn run(args: &EventsArgs) -> anyhow::Result<Outcome> {
@@ -103,31 +101,9 @@ impl Snapshot<'_> {
     /// The raw data and the estimates of the log, as they are.
     fn write_log(&self, target: &Target) -> anyhow::Result<()> {
         let [from, to] = self.span();
-        let attachments = self.reader.attachments()?;
-        let (session, options) = match Config::from_attachments(&attachments) {
-            Ok(config) => (
-                engine::session::replayed(&config, self.reader.session()),
-                config.storage.options,
-            ),
-            Err(_) => (
-                Session {
-                    attachments,
-                    ..self.reader.session().clone()
-                },
-                Options::default(),
-            ),
-        };
-        let mut log = target.log(session, options)?;
-        for arrival in self.reader.arrivals_between(from, to) {
-            log.push(Entry::Arrival(arrival?))?;
-        }
-        let selection = Selection::default().between(from, to);
-        let mut messages = self.reader.messages(selection);
-        while let Some(message) = messages.next_ref() {
-            if let Some(record) = message?.record()? {
-                log.push(Entry::Record(record))?;
-            }
-        }
+        let excerpt = Excerpt::new(self.reader, from, to)?;
+        let mut log = target.log(excerpt.session().clone(), excerpt.log_options().clone())?;
+        excerpt.copy_to(&mut log, |_| Ok::<_, engine::Error>(()))?;
         log.finish()?;
         Ok(())
     }

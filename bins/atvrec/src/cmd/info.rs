@@ -211,6 +211,19 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
         .run_number
         .map(|number| format!(", number {number}"));
     line("run", session.run_id.clone() + &number.unwrap_or_default());
+    if let Some(origin) = &session.origin {
+        let continued = match origin.is_continued {
+            true => "; it continues the run: the data before it are not in the log",
+            false => "",
+        };
+        line(
+            "origin",
+            format!(
+                "stretch of the run {} from {} s to {} s{continued}",
+                origin.run_id, origin.from, origin.to
+            ),
+        );
+    }
     if !session.host.is_empty() {
         line(
             "host",
@@ -311,6 +324,13 @@ fn as_json(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> serde_json::
         "files": info.files.iter().map(|(path, bytes)| json!({ "path": path, "bytes": bytes })).collect::<Vec<_>>(),
         "run_id": session.run_id,
         "run_number": session.run_number,
+        "origin": session.origin.as_ref().map(|origin| json!({
+            "run_id": origin.run_id,
+            "from_ns": origin.from.0,
+            "to_ns": origin.to.0,
+            "continued": origin.is_continued,
+            "counters": origin.counters,
+        })),
         "clock": session.clock.name(),
         "utc_offset": utc.map(|utc| json!({
             "offset_ns": utc.offset_ns,

@@ -16,9 +16,9 @@ use crate::progress::Progress;
 /// Runs the command.
 pub fn run(args: &ReportArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let options = Options {
-        from_s: args.from_s,
-        to_s: args.to_s,
-        around: args.around.clone(),
+        from_s: args.stretch.from_s,
+        to_s: args.stretch.to_s,
+        around: args.stretch.around.clone(),
         against: args.against.clone(),
         by_distance: args.by == Axis::Distance,
         units: match args.units {

@@ -172,7 +172,8 @@ fn the_parts_of_a_cuboid_have_the_inertia_of_the_whole() {
     let directory = tempfile::tempdir().expect("a directory");
     let here = directory.path();
     let (mass_kg, size, centre) = (640.0, [2.4, 1.2, 0.8], [-0.7, 0.05, 0.6]);
-    let mut list = "# cut\nname, mass_kg, x_m, y_m, z_m, ixx_kg_m2, iyy_kg_m2, izz_kg_m2\n".to_owned();
+    let mut list =
+        "# cut\nname, mass_kg, x_m, y_m, z_m, ixx_kg_m2, iyy_kg_m2, izz_kg_m2\n".to_owned();
     for part in 0..8 {
         let at = |axis: usize| {
             let side = if part >> axis & 1 == 0 { -0.25 } else { 0.25 };
@@ -203,9 +204,20 @@ fn the_parts_of_a_cuboid_have_the_inertia_of_the_whole() {
     // The file is taken as overrides of the vehicle file.
     let config = "[source.imu]\nkind = \"crossbow440\"\ndevice = \"/dev/null\"\n[vehicle]\nfile = \"prowler\"\nsensors = \"thesis-10bit\"\noverrides = [\"mass.toml\"]\n";
     fs::write(here.join("atvrec.toml"), config).expect("written");
-    atvrec(here).args(["check", "--no-devices"]).assert().success();
-    let again = atvrec(here).args(command).args(["-o", "mass.toml"]).assert().code(2);
-    assert!(stderr(&again).contains("exists already"), "{}", stderr(&again));
+    atvrec(here)
+        .args(["check", "--no-devices"])
+        .assert()
+        .success();
+    let again = atvrec(here)
+        .args(command)
+        .args(["-o", "mass.toml"])
+        .assert()
+        .code(2);
+    assert!(
+        stderr(&again).contains("exists already"),
+        "{}",
+        stderr(&again)
+    );
 }
 
 /// Every component with an error is named.
@@ -218,7 +230,9 @@ fn a_list_of_components_with_errors_names_each_of_them() {
         let command = ["vehicle", "mass", "parts.csv", "--vehicle", "prowler"];
         stderr(&atvrec(here).args(command).assert().code(2))
     };
-    let text = said("name,mass_kg,x_m,y_m,z_m,ixx_kg_m2,iyy_kg_m2,izz_kg_m2\nseat,12,-0.7,,0.6,,,\nfuel,-3,-1,0,0.4,,,\nbar,9,-1,0,1,1,1,9\n");
+    let text = said(
+        "name,mass_kg,x_m,y_m,z_m,ixx_kg_m2,iyy_kg_m2,izz_kg_m2\nseat,12,-0.7,,0.6,,,\nfuel,-3,-1,0,0.4,,,\nbar,9,-1,0,1,1,1,9\n",
+    );
     for part in [
         "component 1 (seat): y_m is missing",
         "component 2 (fuel): mass_kg = -3: must be above 0",

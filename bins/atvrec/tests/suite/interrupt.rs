@@ -118,7 +118,7 @@ fn an_interrupted_command_says_so_and_leaves_no_file() {
     let here = directory.path();
     log(here);
     let before = names(here);
-    let commands: [&[&str]; 10] = [
+    let commands: [&[&str]; 12] = [
         &[
             "export",
             "long.mcap",
@@ -141,6 +141,8 @@ fn an_interrupted_command_says_so_and_leaves_no_file() {
         &["export", "long.mcap", "-o", "long.mf4"],
         &["replay", "long.mcap", "-o", "again.mcap"],
         &["report", "long.mcap", "-o", "report.html"],
+        &["cut", "long.mcap", "--from", "1", "-o", "cut.mcap"],
+        &["merge", "long.mcap", "-o", "merged.mcap"],
         &["score", "long.mcap"],
         &["score", "long.mcap", "--methods"],
     ];

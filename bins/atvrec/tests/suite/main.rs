@@ -13,6 +13,7 @@ mod compat;
 mod configuration;
 #[cfg(feature = "live")]
 mod controllers;
+mod cut;
 #[cfg(feature = "live")]
 mod demo;
 mod estimate;

@@ -190,7 +190,7 @@ fn the_numbers_are_those_of_a_log_with_known_events() {
         .code(1);
     let told = stderr(&absent);
     assert!(
-        told.contains("no event \"filter_reset\"") && told.contains("sensor_fault"),
+        told.contains("no mark \"filter_reset\"") && told.contains("sensor_fault"),
         "{told}"
     );
     let smoothed = atvrec(directory.path())

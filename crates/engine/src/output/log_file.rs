@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::mpsc::Receiver;
 
-use store::Writer;
+use store::{Encoded, Writer};
 
 use crate::behind::Behind;
 use crate::{Entry, Error, Result};
@@ -12,16 +12,26 @@ use crate::{Entry, Error, Result};
 /// finished.
 pub struct LogFile {
     /// `None` after the log is finished.
-    writing: Option<Behind<Entry, Result<Writer>>>,
+    writing: Option<Behind<Item, Result<Writer>>>,
     active: PathBuf,
     force: bool,
+}
+
+/// What is written.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "items are passed one by one and not stored"
+)]
+enum Item {
+    Entry(Entry),
+    Message(Encoded),
 }
 
 impl LogFile {
     /// Starts the thread that writes.
     pub(super) fn start(writer: Writer, active: PathBuf, force: bool) -> Self {
         Self {
-            writing: Some(Behind::start(|entries| write(writer, entries))),
+            writing: Some(Behind::start(|items| write(writer, items))),
             active,
             force,
         }
@@ -32,9 +42,21 @@ impl LogFile {
     /// # Errors
     /// If the disk fails, for this entry or for earlier ones.
     pub fn push(&mut self, entry: Entry) -> Result<()> {
+        self.push_item(Item::Entry(entry))
+    }
+
+    /// Appends a message of another log, whose schema is one of the program's own.
+    ///
+    /// # Errors
+    /// As [`push`](Self::push).
+    pub fn push_message(&mut self, message: Encoded) -> Result<()> {
+        self.push_item(Item::Message(message))
+    }
+
+    fn push_item(&mut self, item: Item) -> Result<()> {
         let writing = self.writing.as_mut();
         let writing = writing.expect("only `finish` takes it, and it consumes the log");
-        if writing.push(entry) {
+        if writing.push(item) {
             return Ok(());
         }
         match writing.finish() {
@@ -70,11 +92,12 @@ impl LogFile {
     }
 }
 
-fn write(mut writer: Writer, entries: Receiver<Vec<Entry>>) -> Result<Writer> {
-    for entry in entries.into_iter().flatten() {
-        match entry {
-            Entry::Arrival(arrival) => writer.push(arrival)?,
-            Entry::Record(record) => writer.record(&record),
+fn write(mut writer: Writer, items: Receiver<Vec<Item>>) -> Result<Writer> {
+    for item in items.into_iter().flatten() {
+        match item {
+            Item::Entry(Entry::Arrival(arrival)) => writer.push(arrival)?,
+            Item::Entry(Entry::Record(record)) => writer.record(&record),
+            Item::Message(message) => writer.message(&message),
         }
     }
     Ok(writer)

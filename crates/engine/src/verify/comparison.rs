@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use sample::{LogTime, NANOS_PER_SECOND};
 use store::{
-    Encoded, Message, MessageIter, Reader, Selection, same_force_values, same_health_without_late,
+    Encoded, Message, MessageIter, Origin, Reader, Selection, same_force_values,
+    same_health_without_late,
 };
 
 use super::Verification;
@@ -85,7 +86,9 @@ impl Comparison {
         let cut = |missing: &store::Missing| !matches!(missing, store::Missing::NoSchema { .. });
         let lost_records = info.counters.get("lost_records").copied();
         let report = Verification {
-            unfinished: info.missing.iter().any(cut) || reader.was_recovered(),
+            unfinished: info.missing.iter().any(cut)
+                || reader.was_recovered()
+                || reader.session().origin.is_some(),
             lost_records: lost_records.unwrap_or_default(),
             ..Verification::default()
         };
@@ -124,6 +127,12 @@ impl Comparison {
     /// on which everything can depend.
     pub(super) fn beginning_missing(&mut self, first: u64) {
         self.report.begins_at = Some(first);
+        self.report.gap = Some((0, LogTime(0)));
+    }
+
+    /// Reports that the log is a stretch of a run that has earlier data, on which everything can depend.
+    pub(super) fn continued(&mut self, origin: Origin) {
+        self.report.continued = Some(origin);
         self.report.gap = Some((0, LogTime(0)));
     }
 
