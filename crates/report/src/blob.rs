@@ -5,9 +5,10 @@
 //! microseconds, stored as differences of differences. All bytes are deflated and in base 64.
 
 use std::collections::HashMap;
+use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use base64::Engine;
+use base64::display::Base64Display;
 use base64::engine::general_purpose::STANDARD;
 use miniz_oxide::deflate::core::{
     CompressorOxide, TDEFLFlush, compress_to_output, create_comp_flags_from_zip_params,
@@ -116,9 +117,40 @@ impl Blob {
         Value::Array(std::mem::take(&mut self.heads))
     }
 
-    /// All bytes, deflated, in base 64.
-    pub fn text(self) -> String {
-        STANDARD.encode(self.packer.finish())
+    /// All bytes, deflated.
+    pub fn packed(self) -> Packed {
+        self.packer.finish()
+    }
+}
+
+/// Deflated bytes in parts, shown in base 64.
+#[derive(Clone, Debug, Default)]
+pub struct Packed(Vec<Vec<u8>>);
+
+/// Bytes of a part: a multiple of three, so that no part but the last ends with padding. Small parts use the
+/// memory of samples that were freed.
+const PART: usize = 3 << 14;
+
+impl Packed {
+    fn extend(&mut self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            if self.0.last().is_none_or(|last| last.len() == PART) {
+                self.0.push(Vec::with_capacity(PART));
+            }
+            let Some(last) = self.0.last_mut() else {
+                return;
+            };
+            let (now, later) = bytes.split_at(bytes.len().min(PART - last.len()));
+            last.extend_from_slice(now);
+            bytes = later;
+        }
+    }
+}
+
+impl fmt::Display for Packed {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut parts = self.0.iter();
+        parts.try_for_each(|part| Base64Display::new(part, &STANDARD).fmt(out))
     }
 }
 
@@ -129,7 +161,7 @@ const TOGETHER: usize = 1 << 16;
 struct Packer {
     compressor: Box<CompressorOxide>,
     waiting: Vec<u8>,
-    packed: Vec<u8>,
+    packed: Packed,
     /// Bytes so far.
     taken: usize,
 }
@@ -141,7 +173,7 @@ impl Default for Packer {
         Self {
             compressor: Box::new(CompressorOxide::new(flags)),
             waiting: Vec::new(),
-            packed: Vec::new(),
+            packed: Packed::default(),
             taken: 0,
         }
     }
@@ -160,13 +192,13 @@ impl Packer {
     fn pack(&mut self, flush: TDEFLFlush) {
         // The compressor takes all bytes, because the sink takes all that it gives.
         compress_to_output(&mut self.compressor, &self.waiting, flush, |bytes| {
-            self.packed.extend_from_slice(bytes);
+            self.packed.extend(bytes);
             true
         });
         self.waiting.clear();
     }
 
-    fn finish(mut self) -> Vec<u8> {
+    fn finish(mut self) -> Packed {
         self.pack(TDEFLFlush::Finish);
         self.packed
     }
@@ -195,6 +227,8 @@ fn varint(bytes: &mut Vec<u8>, mut value: u64) {
 
 #[cfg(test)]
 mod tests {
+    use base64::Engine;
+
     use super::*;
 
     /// Reads a series back as the page does.
@@ -238,9 +272,13 @@ mod tests {
         let values: Vec<f32> = (0_u64..300_000).map(|k| (k * k % 7919) as f32).collect();
         let mut blob = Blob::default();
         let id = blob.add(&values).unwrap();
-        let packed = blob.packer.finish();
+        let heads = blob.heads.clone();
+        let packed = blob.packed();
+        assert!(packed.0.len() > 1, "several parts");
+        // The page decodes all parts together.
+        let packed = STANDARD.decode(packed.to_string()).expect("base 64");
         let bytes = miniz_oxide::inflate::decompress_to_vec(&packed).expect("a stream");
-        let found = read(&bytes, &blob.heads[id.0]);
+        let found = read(&bytes, &heads[id.0]);
         assert_eq!(found.len(), values.len());
         let near = |(found, value): (&f64, &f32)| (found - f64::from(*value)).abs() < 0.1;
         assert!(found.iter().zip(&values).all(near));
@@ -259,7 +297,7 @@ mod tests {
             "equal series are stored once"
         );
         assert_eq!(blob.add(&[f32::NAN]), None);
-        let packed = blob.packer.finish();
+        let packed = blob.packer.finish().0.concat();
         let bytes = miniz_oxide::inflate::decompress_to_vec(&packed).expect("a stream");
         let found = read(&bytes, &blob.heads[first.0]);
         for (found, value) in found.iter().zip(values) {

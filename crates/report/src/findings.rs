@@ -58,7 +58,7 @@ pub fn html(page: &Page) -> String {
     body.push_str("<footer>Drag to zoom, double-click to zoom out.</footer>");
     let mut blob = Blob::default();
     let drawn: Vec<Value> = figures.iter().map(|f| f.to_json(&mut blob)).collect();
-    document(&page.title, &body, json!({"figures": drawn}), blob)
+    document(&page.title, &body, json!({"figures": drawn}), blob).to_string()
 }
 
 fn warnings(warnings: &[String], body: &mut String) {

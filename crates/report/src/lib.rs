@@ -34,6 +34,7 @@ pub use store;
 
 pub use cycles::{Cycle, rainflow};
 pub use options::{Gate, Gates, Options, Quantity, Units};
+pub use page::Page;
 pub use picture::{Picture, PictureError};
 pub use plot::{Data, Figure, Kind, Panel, Pen, Trace};
 pub use stretch::{AROUND_S, Stretch, events, marks};
@@ -124,7 +125,7 @@ pub type Progress<'a> = dyn FnMut(f64) -> Result<(), Error> + 'a;
 #[derive(Clone, Debug)]
 pub struct Report {
     /// The page.
-    pub html: String,
+    pub page: Page,
     /// The numbers behind it, by the keys of `docs/report.md`.
     pub numbers: serde_json::Value,
     /// Seconds that are shown.
@@ -169,7 +170,7 @@ pub fn report(
         large: &files,
         directory,
     };
-    let html = page::render(&content, blob)?;
+    let page = page::render(&content, blob)?;
     let mut numbers = summary.to_json(&drive, options);
     if let Some(laps) = &laps {
         numbers["laps"] = laps.to_json(options);
@@ -177,7 +178,7 @@ pub fn report(
     numbers["figures"] = figures.names();
     numbers["lacking"] = figures.lacking_json();
     Ok(Report {
-        html,
+        page,
         numbers,
         duration_s: drive.duration_s(),
         estimates: drive.motion.samples(),

@@ -5,7 +5,7 @@ mod laps;
 mod tables;
 mod top;
 
-use std::fmt::Write;
+use std::fmt::{self, Write};
 
 use chrono::DateTime;
 use sample::LogTime;
@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use store::Attachment;
 
 use crate::Error;
-use crate::blob::Blob;
+use crate::blob::{Blob, Packed};
 use crate::drive::Drive;
 use crate::figures::Figures;
 use crate::laps::Laps;
@@ -61,7 +61,7 @@ pub struct Content<'a> {
 ///
 /// # Errors
 /// If the picture or the tiles of the ground are not near the track.
-pub fn render(content: &Content<'_>, mut blob: Blob) -> Result<String, Error> {
+pub fn render(content: &Content<'_>, mut blob: Blob) -> Result<Page, Error> {
     let Content {
         drive,
         options,
@@ -124,37 +124,70 @@ fn pictures(drive: &Drive, options: &Options) -> Result<Vec<Value>, Error> {
     Ok(all)
 }
 
+/// A page. Its numbers are packed until it is shown: write it to a file with `write!`.
+#[derive(Clone, Debug)]
+pub struct Page {
+    /// All up to the numbers.
+    head: String,
+    numbers: Packed,
+}
+
 /// A page with figures.
-pub fn document(title: &str, body: &str, mut data: Value, mut blob: Blob) -> String {
+pub fn document(title: &str, body: &str, mut data: Value, mut blob: Blob) -> Page {
     data["series"] = blob.heads();
     let data = json_in_html(&data.to_string());
-    let numbers = blob.text();
-    let mut page = String::with_capacity(body.len() + data.len() + numbers.len() + (1 << 18));
-    let _ = write!(
-        page,
+    let head = format!(
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
          <meta name=\"color-scheme\" content=\"light dark\">\
          <title>{title}</title><style>{STYLE}</style></head><body>{body}\
-         <script type=\"application/json\" id=\"data\">",
+         <script type=\"application/json\" id=\"data\">{data}</script>",
         title = html(title),
     );
-    page.push_str(&data);
-    page.push_str("</script><script type=\"text/plain\" id=\"numbers\">");
-    page.push_str(&numbers);
-    drop(numbers);
-    page.push_str("</script><script type=\"module\">/*\n");
-    page.push_str(UPLOT_LICENCE);
-    page.push_str("*/\n");
-    page.push_str(uplot());
-    // A block of its own: the library has short names at its top level.
-    page.push_str("{\n");
-    for script in SCRIPTS {
-        page.push_str(script);
+    Page {
+        head,
+        numbers: blob.packed(),
     }
-    page.push_str("}\n</script></body></html>\n");
-    page
+}
+
+impl Page {
+    /// Its size.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let mut count = Count(0);
+        // Counting does not fail.
+        let _ = write!(count, "{self}");
+        count.0
+    }
+}
+
+/// Counts the bytes that are written to it.
+struct Count(usize);
+
+impl Write for Count {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0 += text.len();
+        Ok(())
+    }
+}
+
+impl fmt::Display for Page {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { head, numbers } = self;
+        write!(
+            out,
+            "{head}<script type=\"text/plain\" id=\"numbers\">{numbers}</script>\
+             <script type=\"module\">/*\n{UPLOT_LICENCE}*/\n{}",
+            uplot()
+        )?;
+        // A block of its own: the library has short names at its top level.
+        out.write_str("{\n")?;
+        SCRIPTS
+            .iter()
+            .try_for_each(|script| out.write_str(script))?;
+        out.write_str("}\n</script></body></html>\n")
+    }
 }
 
 /// The library without its last statement, which exports it from its module.
@@ -235,7 +268,7 @@ mod tests {
 
     #[test]
     fn the_drawing_library_is_carried_with_its_licence_and_exports_nothing() {
-        let page = document("x", "", json!({"figures": []}), Blob::default());
+        let page = document("x", "", json!({"figures": []}), Blob::default()).to_string();
         assert!(page.contains("Leon Sorokin") && page.contains("Permission is hereby granted"));
         assert!(!page.contains("export {"));
         assert!(!uplot().contains("</script"));
@@ -290,7 +323,7 @@ mod tests {
             directory: NAME,
         };
         let page = render(&content, blob).expect("a page");
-        let mut own = page.replace(uplot(), "");
+        let mut own = page.to_string().replace(uplot(), "");
         for script in SCRIPTS {
             own = own.replace(script, "");
         }

@@ -1,5 +1,6 @@
 //! `atvrec report`: write an HTML report.
 
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -74,7 +75,11 @@ fn write_with(
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     let directory = format!("{stem}-files");
     let found = make(logs, options, &directory, quiet)?;
-    target.write(&found.html)?;
+    target.write_by(|file| {
+        let mut sink = BufWriter::new(file);
+        write!(sink, "{}", found.page)?;
+        Ok(sink.flush()?)
+    })?;
     write_files(&found, &output.with_file_name(&directory), force)?;
     println!(
         "{}: {:.1} s, {} estimates, {} figures, {:.1} MB",
@@ -82,7 +87,7 @@ fn write_with(
         found.duration_s,
         found.estimates,
         found.figures,
-        found.html.len() as f64 / 1e6
+        found.page.bytes() as f64 / 1e6
     );
     Ok(())
 }
@@ -116,10 +121,7 @@ fn write_files(found: &Report, directory: &Path, force: bool) -> anyhow::Result<
         .with_context(|| format!("cannot create the directory {}", directory.display()))?;
     for (name, attachment) in &found.files {
         let target = Target::new(&directory.join(name), Kind::Any, force, None)?;
-        target.write_by(|mut file| {
-            use std::io::Write;
-            Ok(file.write_all(&attachment.data)?)
-        })?;
+        target.write_by(|mut file| Ok(file.write_all(&attachment.data)?))?;
     }
     Ok(())
 }

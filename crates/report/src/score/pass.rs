@@ -36,10 +36,7 @@ pub(super) struct Pass<'a> {
     /// The last instants of the truth.
     truth: BTreeMap<LogTime, SharedEstimate>,
     /// Estimates and truths that were compared; their memory is used again.
-    #[expect(
-        clippy::vec_box,
-        reason = "the boxes are passed on without a copy of 3 kB"
-    )]
+    #[expect(clippy::vec_box, reason = "the boxes are passed on without a copy")]
     spare: Vec<Box<Estimate>>,
     /// Of the stage, and of the estimates with a lag.
     outputs: [Output; 2],

@@ -344,7 +344,7 @@ fn set_roughness(mut rest: &[u8], values: &mut [Option<f64>; 5]) -> Option<()> {
 pub(super) fn friction(mut rest: &[u8]) -> Option<PerWheel<f64>> {
     let mut coefficient = PerWheel([f64::NAN; 4]);
     while !rest.is_empty() {
-        let (1, Value::Bytes(entry)) = next(&mut rest)? else {
+        let (2, Value::Bytes(entry)) = next(&mut rest)? else {
             return None;
         };
         let (wheel, [value, _]) = wheel_numbers(entry)?;
