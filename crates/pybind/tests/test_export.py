@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import struct
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -124,7 +125,12 @@ def test_pyarrow_reads_the_dataset(dataset: Path, logs: list[Path]) -> None:
         kinds = table.schema.field("fl.source").type
         assert kinds == pa.dictionary(pa.int32(), pa.string())
         assert "FORCE_SOURCE_FUSION" in table["fl.source"].to_pylist()
-    imu = ds.dataset(partition(dataset, RUNS[0], "/imu/imu")).schema
+    # The inertial unit sends no time of day.
+    rows = ds.dataset(partition(dataset, RUNS[0], "/imu/imu")).to_table()
+    assert rows["device_time.utc_time_of_day_s"].null_count == rows.num_rows > 100
+    assert rows["device_time.gps.week"].null_count == rows.num_rows
+    assert rows["angular_rate_rad_s.x"].null_count == 0
+    imu = rows.schema
     assert imu.field("angular_rate_rad_s.x").metadata[b"unit"] == b"rad/s"
     assert imu.field("angular_rate_rad_s.x").metadata[b"source"] == b"imu"
     assert b"frame" not in imu.field("interval_s").metadata
@@ -458,3 +464,33 @@ def test_asammdf_reads_the_mf4_file(program: str, logs: list[Path], tmp_path: Pa
         week = mdf.get("device_time.gps.week", group=imu, ignore_invalidation_bits=True)
         assert len(week.samples) == len(known["x"])
         assert bool(np.all(week.invalidation_bits))
+
+
+def test_asammdf_reads_a_group_of_several_blocks(program: str, tmp_path: Path) -> None:
+    from asammdf import MDF
+    from google.protobuf.wrappers_pb2 import DoubleValue
+    from mcap_protobuf.writer import Writer
+
+    count = 70_000
+    log, out = tmp_path / "values.mcap", tmp_path / "values.mf4"
+    with log.open("wb") as stream, Writer(stream) as writer:
+        for row in range(count):
+            time_ns = 1_700_000_000_000_000_000 + row * 1_000_000
+            writer.write_message("/values", DoubleValue(value=row / 3), time_ns, time_ns)
+    run(program, "export", log, "-o", out)
+    with MDF(out) as mdf:
+        values = mdf.get("value", group=0)
+        same(values.samples, np.arange(count) / 3)
+        np.testing.assert_allclose(values.timestamps, np.arange(count) / 1000, rtol=0, atol=1e-12)
+        assert mdf.start_time.timestamp() == 1_700_000_000
+    # asammdf does not use the positions of the blocks in the data, other readers do.
+    data = out.read_bytes()
+    at = data.index(b"##DL")
+    length, links = struct.unpack_from("<QQ", data, at + 8)
+    blocks = struct.unpack_from(f"<{links}Q", data, at + 24)[1:]
+    _, number, *positions = struct.unpack_from(f"<II{len(blocks)}Q", data, at + 24 + 8 * links)
+    assert number == len(blocks) > 1
+    assert at + length <= len(data)
+    sizes = [struct.unpack_from("<Q", data, block + 8)[0] - 24 for block in blocks]
+    assert positions == [sum(sizes[:n]) for n in range(len(sizes))]
+    assert sum(sizes) == count * 3 * 8

@@ -234,7 +234,9 @@ fn a_column_that_appears_late_is_in_all_rows() {
 fn a_wide_table_has_no_gap_between_its_stretches() {
     let directory = tempfile::tempdir().expect("a directory");
     let here = directory.path();
-    let messages = (0..=1_300_u64).map(|row| (5_000 + 100 * row, 1, row as f64));
+    // The end of a stretch is between two messages.
+    const INTERVAL_MS: u64 = 70;
+    let messages = (0..=2_000).map(|row| (5_000 + INTERVAL_MS * row, 1, row as f64));
     wheel_speeds(here, "long.mcap", messages);
     let arguments = [
         "long.mcap",
@@ -248,13 +250,11 @@ fn a_wide_table_has_no_gap_between_its_stretches() {
     assert_eq!(code, Some(0), "{errors}");
     let found = columns(&here.join("long.parquet"));
     let speeds = numbers(&found["/wheel_speed.fl.angular_speed_rad_s"]);
-    assert_eq!(speeds.len(), 13_001);
+    assert_eq!(speeds.len(), 14_001);
     for (row, speed) in speeds.iter().enumerate() {
-        // 0.1 each 10 ms; a value near 1,300 is rounded to 2e-13.
-        assert!(
-            (speed - row as f64 / 10.0).abs() < 1e-9,
-            "row {row}: {speed}"
-        );
+        // Rows are 10 ms apart. A value near 2,000 is rounded to 2e-13.
+        let expected = row as f64 * 10.0 / INTERVAL_MS as f64;
+        assert!((speed - expected).abs() < 1e-9, "row {row}: {speed}");
     }
     let (code, _, errors) = export(here, &["long.mcap", "--raw", "candump", "--all", "-o", "x"]);
     assert_eq!(code, Some(2), "{errors}");
