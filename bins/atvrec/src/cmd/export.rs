@@ -43,9 +43,15 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
         let text = format!("--from {from_s} is later than --to {to_s}; exchange the two values");
         return Err(UsageError(text).into());
     }
-    #[cfg(feature = "formats")]
     if let (true, Some(path)) = (args.all, &args.output) {
+        #[cfg(feature = "formats")]
         return dataset::run(args, path, quiet);
+        #[cfg(not(feature = "formats"))]
+        return Err(UsageError(format!(
+            "{} is not written: this build has no Parquet (feature formats)",
+            path.display()
+        ))
+        .into());
     }
     if args.ros2 {
         return bag(args, quiet);

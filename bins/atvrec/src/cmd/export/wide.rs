@@ -1,8 +1,8 @@
 //! `atvrec export --wide`: the topics of a log as one table at a rate.
 
-use std::collections::HashMap;
-use std::fs::File;
 use std::io::{BufWriter, Write};
+#[cfg(feature = "formats")]
+use std::{collections::HashMap, fs::File};
 
 use engine::LeftOut;
 use engine::output::Target;
@@ -32,6 +32,7 @@ const LATE_NS: i64 = 1_000_000_000;
 const RATE_HZ: f64 = 100.0;
 
 /// What the gap rule is, for the file.
+#[cfg(feature = "formats")]
 const GAP_RULE: &str = "a column has no value between two values that are more than max_gap_s apart: \
     previous holds a value for at most max_gap_s, nearest for half of it before and after its time";
 
