@@ -420,6 +420,15 @@ fn add_utc(table: &mut Table, utc: Option<UtcOffset>) {
     });
 }
 
+/// Whether a column has a value in any row.
+fn has_value(column: &Column) -> bool {
+    match (&column.values, &column.present) {
+        (Values::F64(list), _) => list.iter().any(|value| !value.is_nan()),
+        (_, Some(present)) => present.contains(&true),
+        (values, None) => !values.is_empty(),
+    }
+}
+
 /// Heading of a column: `name[unit]`, or the name alone if it contains the unit.
 fn heading(column: &Column) -> String {
     if column.unit.is_empty() {

@@ -13,7 +13,7 @@ use store::{Column, Missing, Reader, Table, Values};
 #[cfg(feature = "formats")]
 use super::parquet::{self, Layout};
 use super::topic::Topic;
-use super::{Span, text};
+use super::{Span, has_value, text};
 use crate::cli::{ExportArgs, WideArgs};
 use crate::exit::UsageError;
 use crate::interrupt::Interrupt;
@@ -356,11 +356,7 @@ impl WantedColumn {
     }
 
     fn add(&mut self, times_ns: &[i64], column: &Column) {
-        self.has_value |= match (&column.values, &column.present) {
-            (Values::F64(list), _) => list.iter().any(|value| !value.is_nan()),
-            (_, Some(present)) => present.contains(&true),
-            (values, None) => !values.is_empty(),
-        };
+        self.has_value |= has_value(column);
         if self.intervals_ns.len() < INTERVALS {
             self.intervals_ns.extend(intervals_ns(times_ns, column));
             self.intervals_ns.truncate(INTERVALS);
