@@ -329,7 +329,6 @@ pub struct ExportArgs {
     /// Export all topics as a dataset of Parquet files in the folders vehicle=/date=/run=/topic= of the
     /// folder DIR. The logs may be of several runs, and the folder may contain other runs. Raw data and the
     /// topics for pictures (/tf, /scene) are not exported.
-    #[cfg(feature = "formats")]
     #[arg(long, requires = "output", conflicts_with_all = ["topic", "raw", "wide", "ros2"])]
     pub all: bool,
     /// One table of several topics.

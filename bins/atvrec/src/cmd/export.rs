@@ -43,9 +43,15 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
         let text = format!("--from {from_s} is later than --to {to_s}; exchange the two values");
         return Err(UsageError(text).into());
     }
-    #[cfg(feature = "formats")]
     if let (true, Some(path)) = (args.all, &args.output) {
+        #[cfg(feature = "formats")]
         return dataset::run(args, path, quiet);
+        #[cfg(not(feature = "formats"))]
+        return Err(UsageError(format!(
+            "{} is not written: this build has no Parquet (feature formats)",
+            path.display()
+        ))
+        .into());
     }
     if args.ros2 {
         return bag(args, quiet);
@@ -412,6 +418,15 @@ fn add_utc(table: &mut Table, utc: Option<UtcOffset>) {
         values: Values::I64(times.map(|ns| ns.saturating_add(utc.offset_ns)).collect()),
         present: None,
     });
+}
+
+/// Whether a column has a value in any row.
+fn has_value(column: &Column) -> bool {
+    match (&column.values, &column.present) {
+        (Values::F64(list), _) => list.iter().any(|value| !value.is_nan()),
+        (_, Some(present)) => present.contains(&true),
+        (values, None) => !values.is_empty(),
+    }
 }
 
 /// Heading of a column: `name[unit]`, or the name alone if it contains the unit.

@@ -41,13 +41,6 @@ fn column<'t>(table: &'t Table, name: &str) -> Option<&'t Column> {
     table.columns.iter().find(|column| column.name == name)
 }
 
-/// Date of a time in ns since 1970, as 2026-11-27.
-pub fn date(ns: i64) -> String {
-    let text = time(ns);
-    text.split_once('T')
-        .map_or_else(String::new, |(date, _)| date.to_owned())
-}
-
 /// A time in ns since 1970 to the microsecond, as 2026-11-27T20:45:00.25Z.
 pub fn time(ns: i64) -> String {
     let us = ns.max(0).cast_unsigned() / 1_000;
@@ -88,7 +81,6 @@ mod tests {
         let ns = 1_795_812_300_250_000_999;
         assert_eq!(time(ns), "2026-11-27T20:45:00.25Z");
         assert_eq!(time(ns - 250_000_999), "2026-11-27T20:45:00Z");
-        assert_eq!(date(ns), "2026-11-27");
         assert_eq!(seconds(ns), (1_795_812_300, 250_000_999));
         assert_eq!(seconds(-1), (-1, 999_999_999));
     }

@@ -9,7 +9,7 @@ use engine::{Config, Error, LeftOut};
 use sample::LogTime;
 use store::{Column, Missing, Reader, Table, UtcOffset, utc_ns};
 
-use super::cells::date;
+use super::cells::time;
 use super::parquet::{Layout, Writer};
 use super::topic::Topic;
 use super::{Span, add_utc};
@@ -295,6 +295,13 @@ fn without_rows(table: &Table) -> Vec<Column> {
     table.columns.iter().map(Column::without_rows).collect()
 }
 
+/// Date of a time in ns since 1970, as 2026-11-27.
+fn date(ns: i64) -> String {
+    let text = time(ns);
+    let date = text.split_once('T').map(|(date, _)| date);
+    date.unwrap_or_default().to_owned()
+}
+
 /// Name of the folder of a partition. All bytes except letters, digits, `-`, `_`, `.` and `~` are escaped
 /// as in a URI, as readers of Hive partitions expect.
 fn partition(key: &str, value: &str) -> String {
@@ -312,6 +319,12 @@ fn partition(key: &str, value: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn dates_are_those_of_utc() {
+        assert_eq!(date(1_795_812_300_000_000_000), "2026-11-27");
+        assert_eq!(date(0), "1970-01-01");
+    }
 
     #[test]
     fn values_of_partitions_are_escaped_as_in_a_uri() {

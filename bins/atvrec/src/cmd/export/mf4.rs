@@ -8,7 +8,7 @@ use engine::output::{Target, WriteError};
 use store::{Column, Table, UtcOffset, Values};
 
 use super::topic::Topic;
-use super::{Input, Written};
+use super::{Input, Written, has_value};
 use blocks::{Blocks, Channel, Group, Header, Kind};
 
 /// Writes topics as channel groups. The times of the rows are the master channel of the group, `log_time`,
@@ -27,29 +27,27 @@ pub fn write(
     target: &Target,
 ) -> anyhow::Result<Written> {
     let mut written = Written::default();
-    // Which columns a topic has is known at its end.
-    let mut columns = vec![Vec::new(); topics.len()];
+    let mut channels: Vec<Channels> = topics.iter().map(|_| Channels::default()).collect();
     input.each(topics, [0.0, 0.5], &mut Vec::new(), |topic, table| {
-        columns[topic] = table.columns.iter().map(Column::without_rows).collect();
+        channels[topic].add(&table);
         Ok(())
     })?;
-    report_left_out(topics, &columns);
+    report_left_out(topics, &channels);
     target.write_by(|file| {
         let write = || -> anyhow::Result<()> {
-            let groups = topics.iter().zip(&columns);
+            let groups = topics.iter().zip(&channels);
+            let groups = groups.map(|(topic, channels)| group(topic, &channels.of(&channels.all)));
             let mut writer = Writer {
                 blocks: Blocks::new(file)?,
                 header: Header::new(input, utc),
-                groups: groups
-                    .map(|(topic, columns)| group(topic, columns))
-                    .collect(),
+                groups: groups.collect(),
             };
             let missing = &mut written.missing;
             let rows = &mut written.rows;
             input.each(topics, [0.5, 1.0], missing, |topic, mut table| {
-                table.pad(&columns[topic]);
+                table.pad(&channels[topic].all);
                 *rows += table.log_time_ns.len();
-                Ok(writer.write(topic, &table)?)
+                Ok(writer.write(topic, &table, &channels[topic].of(&table.columns))?)
             })?;
             Ok(writer.finish()?)
         };
@@ -64,14 +62,41 @@ pub fn write(
     Ok(written)
 }
 
-/// Reports the columns that are not in the file.
-fn report_left_out(topics: &[Topic], columns: &[Vec<Column>]) {
+/// The columns of a topic, which are known at its end.
+#[derive(Default)]
+struct Channels {
+    /// Without rows.
+    all: Vec<Column>,
+    /// Which of them have a value.
+    has_value: Vec<bool>,
+}
+
+impl Channels {
+    fn add(&mut self, table: &Table) {
+        self.has_value.resize(table.columns.len(), false);
+        for (has, column) in self.has_value.iter_mut().zip(&table.columns) {
+            *has |= has_value(column);
+        }
+        if table.columns.len() > self.all.len() {
+            self.all = table.columns.iter().map(Column::without_rows).collect();
+        }
+    }
+
+    /// Those of `columns` that are channels of the file.
+    fn of<'c>(&self, columns: &'c [Column]) -> Vec<&'c Column> {
+        let columns = columns.iter().zip(&self.has_value);
+        let chosen = columns.filter(|(column, has)| **has && kind(column).is_some());
+        chosen.map(|(column, _)| column).collect()
+    }
+}
+
+/// Reports the columns that are not in the file although they have values.
+fn report_left_out(topics: &[Topic], channels: &[Channels]) {
     let (mut names, mut count) = (Vec::new(), 0);
-    for (topic, columns) in topics.iter().zip(columns) {
-        let others = columns
-            .iter()
-            .filter(|column| kind(column).is_none())
-            .count();
+    for (topic, channels) in topics.iter().zip(channels) {
+        let columns = channels.all.iter().zip(&channels.has_value);
+        let others = columns.filter(|(column, has)| **has && kind(column).is_none());
+        let others = others.count();
         if others > 0 {
             names.push(&*topic.name);
             count += others;
@@ -99,21 +124,19 @@ impl Header {
 }
 
 impl Writer {
-    /// Writes rows of a topic.
-    fn write(&mut self, topic: usize, table: &Table) -> io::Result<()> {
+    /// Writes rows of a topic. `columns` are those of its channels.
+    fn write(&mut self, topic: usize, table: &Table, columns: &[&Column]) -> io::Result<()> {
         let group = &mut self.groups[topic];
         let mut records = Vec::with_capacity(table.log_time_ns.len() * group.record_bytes());
-        let columns = table.columns.iter().filter(|column| kind(column).is_some());
-        let columns: Vec<&Column> = columns.collect();
         for (row, log_ns) in table.log_time_ns.iter().enumerate() {
             for ns in [*log_ns, table.publish_time_ns[row]] {
                 let since_s = (ns - self.header.begin_ns) as f64 / 1e9;
                 records.extend(since_s.to_le_bytes());
             }
-            for column in &columns {
+            for column in columns {
                 put(&mut records, column, row);
             }
-            put_absent(&mut records, &columns, row);
+            put_absent(&mut records, columns, row);
         }
         self.blocks.data(group, &records)
     }
@@ -137,7 +160,7 @@ fn kind(column: &Column) -> Option<(Kind, u32)> {
     })
 }
 
-fn group(topic: &Topic, columns: &[Column]) -> Group {
+fn group(topic: &Topic, columns: &[&Column]) -> Group {
     let mut channels = vec![
         Channel::time("log_time", true, 0),
         Channel::time("publish_time", false, 8),

@@ -21,8 +21,10 @@ use store::{Column, Table, Values};
 use super::topic::Topic;
 use super::{heading, value_name};
 
-/// Rows of a row group. Readers hold a column of a row group in memory.
-const GROUP_ROWS: usize = 1 << 17;
+/// Values of a row group, which is in memory until it is complete.
+const GROUP_VALUES: usize = 1 << 20;
+/// Least and greatest number of rows of a row group.
+const GROUP_ROWS: [usize; 2] = [1 << 13, 1 << 17];
 /// Columns of times of a dataset; a column of the log with such a name gets another one.
 const OWN_NAMES: [&str; 3] = ["log_time", "publish_time", "utc"];
 /// Time zone of the times.
@@ -72,16 +74,22 @@ impl Writer {
         layout: Layout,
         metadata: HashMap<String, String>,
     ) -> anyhow::Result<Self> {
+        let [least, most] = GROUP_ROWS;
+        let rows = (GROUP_VALUES / fields.len().max(1)).clamp(least, most);
+        // A dictionary of numbers takes up to 1 MB of memory for each column, and saves little.
         let mut properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
-            .set_max_row_group_row_count(Some(GROUP_ROWS));
+            .set_max_row_group_row_count(Some(rows))
+            .set_dictionary_enabled(false);
         for field in &fields {
-            if matches!(field.data_type(), DataType::Int64 | DataType::Timestamp(..)) {
-                let path = ColumnPath::from(vec![field.name().clone()]);
-                properties = properties
-                    .set_column_dictionary_enabled(path.clone(), false)
-                    .set_column_encoding(path, Encoding::DELTA_BINARY_PACKED);
-            }
+            let path = ColumnPath::from(vec![field.name().clone()]);
+            properties = match field.data_type() {
+                DataType::Int64 | DataType::Timestamp(..) => {
+                    properties.set_column_encoding(path, Encoding::DELTA_BINARY_PACKED)
+                }
+                DataType::Dictionary(..) => properties.set_column_dictionary_enabled(path, true),
+                _ => properties,
+            };
         }
         let schema = Arc::new(Schema::new_with_metadata(fields, metadata));
         Ok(Self {

@@ -1,8 +1,8 @@
 //! `atvrec export --wide`: the topics of a log as one table at a rate.
 
-use std::collections::HashMap;
-use std::fs::File;
 use std::io::{BufWriter, Write};
+#[cfg(feature = "formats")]
+use std::{collections::HashMap, fs::File};
 
 use engine::LeftOut;
 use engine::output::Target;
@@ -13,7 +13,7 @@ use store::{Column, Missing, Reader, Table, Values};
 #[cfg(feature = "formats")]
 use super::parquet::{self, Layout};
 use super::topic::Topic;
-use super::{Span, text};
+use super::{Span, has_value, text};
 use crate::cli::{ExportArgs, WideArgs};
 use crate::exit::UsageError;
 use crate::interrupt::Interrupt;
@@ -32,6 +32,7 @@ const LATE_NS: i64 = 1_000_000_000;
 const RATE_HZ: f64 = 100.0;
 
 /// What the gap rule is, for the file.
+#[cfg(feature = "formats")]
 const GAP_RULE: &str = "a column has no value between two values that are more than max_gap_s apart: \
     previous holds a value for at most max_gap_s, nearest for half of it before and after its time";
 
@@ -355,11 +356,7 @@ impl WantedColumn {
     }
 
     fn add(&mut self, times_ns: &[i64], column: &Column) {
-        self.has_value |= match (&column.values, &column.present) {
-            (Values::F64(list), _) => list.iter().any(|value| !value.is_nan()),
-            (_, Some(present)) => present.contains(&true),
-            (values, None) => !values.is_empty(),
-        };
+        self.has_value |= has_value(column);
         if self.intervals_ns.len() < INTERVALS {
             self.intervals_ns.extend(intervals_ns(times_ns, column));
             self.intervals_ns.truncate(INTERVALS);
