@@ -97,19 +97,12 @@ pub enum Command {
     Events(EventsArgs),
     /// Write a stretch of a log as a log.
     ///
-    /// The new log has the raw data, the decoded messages and the estimates of the stretch, and the
-    /// configuration. Its estimates depend on the data before it: `replay --verify` says so, and compares
-    /// what does not.
+    /// Its estimates depend on the data before it: `replay --verify` says so, and compares the rest.
     Cut(CutArgs),
-    /// Write several logs as one.
-    ///
-    /// The parts of a run become one file as they are. Of several runs, the data are put in the order of
-    /// their log times, and the estimates are computed from all of them. Sources of equal names are one
-    /// source if the runs follow each other and their configurations describe it alike.
+    /// Write several logs as one: the parts of a run as they are, several runs by their log times, with
+    /// estimates from all of their data.
     Merge(MergeArgs),
-    /// Write a log as several ones, of equal duration or from mark to mark.
-    ///
-    /// Each of them is a log as `atvrec cut` writes.
+    /// Write a log as several ones, of equal duration or from mark to mark, as `cut` does.
     Split(SplitArgs),
     /// Compare the estimates of a log with the truth or another log.
     Score(ScoreArgs),

@@ -13,6 +13,7 @@ mod reference;
 mod roles;
 #[cfg(test)]
 mod tests;
+mod tilt;
 mod wheels;
 
 use std::fmt;
@@ -180,6 +181,11 @@ impl<'c> Fit<'c> {
         motion::yaw_rates(&reference, unit_stands, &mut judgement);
         if unit_stands {
             motion::horizontal_axes(columns, &reference, &mut judgement);
+            // Only readings that fit otherwise show the tilt.
+            let of_unit = |misfit: &Misfit| misfit.subject.starts_with(motion::UNIT);
+            if !judgement.misfits.iter().any(of_unit) {
+                tilt::rates(columns, &reference, &mut judgement);
+            }
         } else {
             judgement.undecided(
                 "inertial unit, other axes",

@@ -314,8 +314,18 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     ),
     (
         "imu 3 '\"inverted\"'; drive mixed-driving",
+        "atvrec check --with x.mcap",
+        "the sign is reversed; a roll that lifts the left side is positive",
+    ),
+    (
+        "imu 3 '\"inverted\"'; drive mixed-driving",
         "atvrec events x.mcap",
         "inertial unit roll rate bias has jumped and is learnt anew",
+    ),
+    (
+        "imu 4 '\"inverted\"'; drive launch-brake",
+        "atvrec check --with x.mcap",
+        "the sign is reversed; a pitch that lowers the front is positive",
     ),
     (
         "printf '[[faults.hub]]\\nwheel = \"rear_right\"\\nturned_rad = [1.57, 0.0, 0.0]\\n' >>o.toml; drive launch-brake full-bridge-16bit-hub",

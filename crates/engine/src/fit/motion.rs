@@ -8,6 +8,8 @@ use super::line::{ACCELERATION_MIN_M_S2, Follows, Line, ROWS_MIN, unit_of};
 use super::reference::{COURSE, FRONT_WHEELS, GYRO, REAR_WHEELS, Reference, STEER};
 use super::{Judgement, Misfit};
 
+/// How the subjects of the inertial unit begin.
+pub const UNIT: &str = "inertial unit";
 /// Subjects.
 const GRAVITY: &str = "inertial unit, direction of gravity";
 const AXES: &str = "inertial unit, forward and left axis";

@@ -183,7 +183,7 @@ fn a_quiet_recording_names_the_manoeuvres_that_decide() {
 /// A mistake: name, change of each sample, beginning of the subject and part of the text of the misfits.
 type Mistake = (&'static str, fn(&mut Sample), &'static str, &'static str);
 
-const MISTAKES: [Mistake; 19] = [
+const MISTAKES: [Mistake; 20] = [
     (
         "unit on its side",
         |s| turn_unit(s, |[x, y, z]| [x, z, -y]),
@@ -250,6 +250,12 @@ const MISTAKES: [Mistake; 19] = [
         |s| unit(s, |imu| imu.angular_rate_rad_s[2] *= -1.0),
         "inertial unit, yaw rate",
         "sign is reversed",
+    ),
+    (
+        "roll rate reversed",
+        |s| unit(s, |imu| imu.angular_rate_rad_s[0] *= -1.0),
+        "inertial unit, roll rate",
+        "a roll that lifts the left side is positive",
     ),
     (
         "steering reversed",
@@ -387,6 +393,29 @@ fn strain(sample: &mut Sample, other: impl Fn(Wheel) -> Wheel) {
         corner.wheel = other(corner.wheel);
         corner.deflection_counts = None;
     }
+}
+
+/// A drive with braking on a straight decides the sign of the pitch rate, and one without says so.
+#[test]
+fn a_reversed_pitch_rate_is_named_after_braking() {
+    let recorded = Recorded::new("launch-brake", "thesis-10bit", 12);
+    let told = text(&recorded.with(|_| {}));
+    assert!(told.contains("FITS inertial unit, pitch rate: "), "{told}");
+    assert!(!told.contains("MISFIT"), "{told}");
+    let reversed = |s: &mut Sample| unit(s, |imu| imu.angular_rate_rad_s[1] *= -1.0);
+    let told = text(&recorded.with(reversed));
+    let misfit =
+        "MISFIT inertial unit, pitch rate: its integral against the direction of gravity: ";
+    assert!(told.contains(misfit), "{told}");
+    assert!(
+        told.contains("a pitch that lowers the front is positive"),
+        "{told}"
+    );
+    assert_eq!(told.matches("MISFIT").count(), 1, "{told}");
+    assert!(
+        told.contains("UNDECIDED inertial unit, roll rate: drive firm turns"),
+        "{told}"
+    );
 }
 
 /// Counts beyond the bits of the sensors file are named with their channels.
