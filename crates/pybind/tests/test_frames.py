@@ -82,20 +82,20 @@ def test_batches_have_all_rows_once(simulated_log: Path) -> None:
 def test_a_frame_has_common_times_in_utc_and_units(simulated_log: Path) -> None:
     pandas = pytest.importorskip("pandas")
     log = atvrec.open(simulated_log)
-    frame = log.frame([MOTION, f"{FORCES}:fl.z_n"], rate_hz=50.0)
+    frame = log.frame([MOTION, f"{FORCES}.fl.z_n"], rate_hz=50.0)
     assert isinstance(frame.index, pandas.DatetimeIndex) and str(frame.index.tz) == "UTC"
     steps = np.diff(frame.index.as_unit("ns").asi8)
     assert set(steps) == {20_000_000}
     assert frame.index[0].nanosecond == 0 and frame.index.as_unit("ns").asi8[0] % 20_000_000 == 0
-    assert frame.attrs["units"][f"{FORCES}:fl.z_n"] == "N"
-    assert frame.attrs["units"][f"{MOTION}:yaw_rate_rad_s"] == "rad/s"
+    assert frame.attrs["units"][f"{FORCES}.fl.z_n"] == "N"
+    assert frame.attrs["units"][f"{MOTION}.yaw_rate_rad_s"] == "rad/s"
     # Between the instants of the estimates, the values are on the line between them.
     columns = log.read(FORCES)
     utc_ns = columns["publish_time_ns"] + offset_ns(log)
     # From the first instant on: doubles do not tell nanoseconds since 1970 apart.
     at = frame.index.as_unit("ns").asi8 - utc_ns[0]
     expected = np.interp(at, utc_ns - utc_ns[0], columns["fl.z_n"])
-    found = frame[f"{FORCES}:fl.z_n"].to_numpy()
+    found = frame[f"{FORCES}.fl.z_n"].to_numpy()
     inside = np.isfinite(found)
     assert inside.mean() > 0.95
     np.testing.assert_allclose(found[inside], expected[inside], atol=1e-6)
@@ -103,18 +103,18 @@ def test_a_frame_has_common_times_in_utc_and_units(simulated_log: Path) -> None:
 
 def test_without_a_rate_the_first_topic_gives_the_instants(simulated_log: Path) -> None:
     log = atvrec.open(simulated_log)
-    table = log.frame([f"{FORCES}:fl.z_n", MOTION], kind="arrow")
+    table = log.frame([f"{FORCES}.fl.z_n", MOTION], kind="arrow")
     columns = log.read(FORCES)
     utc_ns = columns["publish_time_ns"] + offset_ns(log)
     np.testing.assert_array_equal(table["time"].cast("int64").to_numpy(), utc_ns)
-    np.testing.assert_array_equal(table[f"{FORCES}:fl.z_n"].to_numpy(), columns["fl.z_n"])
+    np.testing.assert_array_equal(table[f"{FORCES}.fl.z_n"].to_numpy(), columns["fl.z_n"])
 
 
 def test_gaps_have_no_values(reference_log: Path) -> None:
     log = atvrec.open(reference_log)
     # Messages at -2, 8 and 18 ms; the field is absent in the last two.
-    frame = log.frame("/everything:f64", rate_hz=1000.0, method="previous", max_gap_s=0.004)
-    values = frame["/everything:f64"].to_numpy()
+    frame = log.frame("/everything.f64", rate_hz=1000.0, method="previous", max_gap_s=0.004)
+    values = frame["/everything.f64"].to_numpy()
     times = (frame.index.as_unit("ns").asi8 - START_NS) * 1e-6
     expected = [math.floor((time + 2.0) % 10.0 + 1e-6) <= 4 for time in times]
     assert np.isfinite(values).tolist() == expected
@@ -122,12 +122,12 @@ def test_gaps_have_no_values(reference_log: Path) -> None:
 
 def test_other_kinds_of_tables_say_the_same(simulated_log: Path) -> None:
     log = atvrec.open(simulated_log)
-    fields = [f"{FORCES}:fl", f"{MOTION}:yaw_rate_rad_s"]
+    fields = [f"{FORCES}.fl", f"{MOTION}.yaw_rate_rad_s"]
     of_pandas = log.frame(fields, rate_hz=10.0)
     of_polars = log.frame(fields, rate_hz=10.0, kind="polars")
     of_xarray = log.frame(fields, rate_hz=10.0, kind="xarray")
     of_arrow = log.frame(fields, rate_hz=10.0, kind="arrow")
-    name = f"{FORCES}:fl.z_n"
+    name = f"{FORCES}.fl.z_n"
     for other in (of_polars[name].to_numpy(), of_xarray[name].to_numpy(), of_arrow[name].to_numpy()):
         np.testing.assert_array_equal(other, of_pandas[name].to_numpy())
     assert of_xarray[name].attrs["units"] == "N"
@@ -152,7 +152,7 @@ def test_wrong_arguments_are_named(reference_log: Path) -> None:
     for arguments, text in [
         ({"fields": "/everythin"}, "no topic /everythin; it has /everything"),
         ({"fields": []}, "name at least one topic"),
-        ({"fields": "/everything:nothing"}, "no field nothing; it has f64"),
+        ({"fields": "/everything.nothing"}, "no field nothing; it has f64"),
         ({"fields": "/everything", "rate_hz": 0.0}, "a rate of 0 Hz is not possible"),
         ({"fields": "/everything", "method": "spline"}, "use previous, linear or nearest"),
         ({"fields": "/everything", "kind": "excel"}, "kind = 'excel': must be one of 'pandas'"),

@@ -22,7 +22,7 @@ Times = npt.NDArray[np.int64]
 
 
 def selection(fields: str | Sequence[str], topics: Iterable[str]) -> dict[str, list[str]]:
-    """Fields by topic of ``topic`` and ``topic:field``; no field for all fields of a topic."""
+    """Fields by topic of ``topic`` and ``topic.field``; no field for all fields of a topic."""
     wanted: dict[str, list[str]] = {}
     whole: set[str] = set()
     known = set(topics)
@@ -30,12 +30,15 @@ def selection(fields: str | Sequence[str], topics: Iterable[str]) -> dict[str, l
     if not names:
         raise ArgumentError("fields = []: name at least one topic, such as '/estimate/motion'")
     for text in names:
-        topic, _, field = text.partition(":")
-        if topic not in known:
-            near = get_close_matches(topic, known, 3) or sorted(known)
-            raise ArgumentError(f"fields: the log has no topic {topic}; it has {', '.join(near)}")
+        # Names of topics may have dots, too.
+        parts = text.split(".")
+        lengths = range(len(parts), 0, -1)
+        topic = next((t for t in (".".join(parts[:n]) for n in lengths) if t in known), None)
+        if topic is None:
+            near = get_close_matches(parts[0], known, 3) or sorted(known)
+            raise ArgumentError(f"fields: the log has no topic {parts[0]}; it has {', '.join(near)}")
         wanted.setdefault(topic, [])
-        if field:
+        if field := text[len(topic) + 1 :]:
             wanted[topic].append(field)
         else:
             whole.add(topic)

@@ -243,8 +243,8 @@ class Log:
         """Fields of several topics as one table with common times.
 
         ``fields`` has topics (``"/estimate/motion"``) and fields of topics
-        (``"/estimate/motion:sideslip_rad"``, ``"/estimate/tyre_forces:fl"`` for all of a wheel). The
-        columns of the table are ``topic:field``.
+        (``"/estimate/motion.sideslip_rad"``, ``"/estimate/tyre_forces.fl"`` for all of a wheel). The
+        columns of the table are ``topic.field``, as with ``atvrec export --wide``.
 
         - ``rate_hz``: the rows are at this rate, on whole seconds of UTC if it is a whole number;
           without it, at the instants of the first topic
@@ -287,8 +287,8 @@ class Log:
             self._note(missing)
             for name, column in values.items():
                 if name not in ("log_time_ns", "publish_time_ns"):
-                    columns[f"{topic}:{name}"] = column
-                    units[f"{topic}:{name}"] = of_topic.get(name, "")
+                    columns[f"{topic}.{name}"] = column
+                    units[f"{topic}.{name}"] = of_topic.get(name, "")
         return frames.MAKERS[kind](times, columns, units)
 
     def identify(self, kind: str, *, start_s: float = 2.0, seed: int = 1) -> list[Findings]:

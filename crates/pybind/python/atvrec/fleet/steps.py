@@ -414,7 +414,8 @@ def _first_span(time_s: Doubles, flags: npt.NDArray[np.bool_], least_s: float) -
 
 
 def _estimates(drive: Drive, _: str, step: Step) -> None:
-    wanted = [f for f in step.options["fields"] if f.split(":")[0] in drive.log.topics]
+    fields, topics = step.options["fields"], drive.log.topics
+    wanted = [f for f in fields if any(f == t or f.startswith(f"{t}.") for t in topics)]
     if not wanted:
         raise NoResult("the log has none of the fields")
     drive.estimates = drive.log.frame(wanted, rate_hz=step.options["rate_hz"], kind="arrow")
