@@ -1,5 +1,10 @@
 //! `atvrec`: a telemetry recorder and tyre-force estimator for rugged vehicle PCs.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "the program reads its command line"
+)]
+
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

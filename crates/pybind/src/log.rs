@@ -459,12 +459,12 @@ impl LogReader {
     }
 }
 
+/// Counts, and positions of both turning points.
+type Cycles<'py> = (Bound<'py, PyArray1<f64>>, [Bound<'py, PyArray1<i64>>; 2]);
+
 /// Counts (1 or 0.5) of the rainflow cycles of a load, and the positions of their turning points.
 #[pyfunction]
-pub fn rainflow<'py>(
-    py: Python<'py>,
-    load: PyReadonlyArray1<'py, f64>,
-) -> PyResult<(Bound<'py, PyArray1<f64>>, [Bound<'py, PyArray1<i64>>; 2])> {
+pub fn rainflow<'py>(py: Python<'py>, load: PyReadonlyArray1<'py, f64>) -> PyResult<Cycles<'py>> {
     let load = load.as_slice()?;
     let cycles = py.detach(|| report::rainflow(load));
     let counts: Vec<f64> = cycles.iter().map(|cycle| cycle.count).collect();

@@ -336,6 +336,24 @@ fn each_signal(frames: &[[ForceFrame; 2]], mut add: impl FnMut(Signal<'_>)) {
     each_force(frames, add);
 }
 
+/// An angle of the estimate while the vehicle is fast enough for it, NaN otherwise.
+fn quick(estimate: &Estimate, angle_rad: f64) -> f64 {
+    if estimate.motion.velocity_x_m_s > SLIP_SPEED_MIN_M_S {
+        angle_rad
+    } else {
+        f64::NAN
+    }
+}
+
+/// An angle of the truth. A reference may tell it without a speed, which is NaN then.
+fn true_angle(truth: &Estimate, angle_rad: f64) -> f64 {
+    if truth.motion.velocity_x_m_s <= SLIP_SPEED_MIN_M_S {
+        f64::NAN
+    } else {
+        angle_rad
+    }
+}
+
 /// Calls `add` with each signal except forces and moments.
 fn each_plain(mut add: impl FnMut(Signal<'_>)) {
     let mut add_plain = |name, wheel, unit, estimate: &dyn Pick, truth: &dyn Pick| {
@@ -349,21 +367,6 @@ fn each_plain(mut add: impl FnMut(Signal<'_>)) {
         });
     };
     let none = f64::NAN;
-    let quick = |e: &Estimate, angle_rad: f64| {
-        if e.motion.velocity_x_m_s > SLIP_SPEED_MIN_M_S {
-            angle_rad
-        } else {
-            f64::NAN
-        }
-    };
-    // A reference may tell the angle without a speed.
-    let true_angle = |e: &Estimate, angle_rad: f64| {
-        if e.motion.velocity_x_m_s <= SLIP_SPEED_MIN_M_S {
-            f64::NAN
-        } else {
-            angle_rad
-        }
-    };
     let sideslip = |e: &Estimate| {
         let angle = quick(e, e.motion.sideslip_rad);
         (angle, e.motion.sideslip_sigma_rad)
