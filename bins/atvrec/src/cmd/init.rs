@@ -277,6 +277,6 @@ mod tests {
         assert_eq!(storage, Path::new("/var/lib/atvrec"));
         let (socket, storage) = of("/home/me/buggy");
         assert_eq!(socket, None);
-        assert_eq!(storage, Path::new("/home/me/buggy/logs"));
+        assert_eq!(storage, Path::new("logs"));
     }
 }

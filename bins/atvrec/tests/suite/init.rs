@@ -330,10 +330,16 @@ fn the_reload_of_the_unit_reaches_the_recorder_of_a_written_configuration() {
         .spawn()
         .expect("the recorder starts");
     let reload = of_unit(here, "ExecReload");
-    let reloads = || atvrec(here).args(&reload).assert().try_success();
+    let reloads = || {
+        let done = atvrec(here).args(&reload).output().expect("it starts");
+        (
+            done.status.success(),
+            String::from_utf8_lossy(&done.stderr).into_owned(),
+        )
+    };
     let mut reloaded = reloads();
     for _ in 0..100 {
-        if reloaded.is_ok() {
+        if reloaded.0 {
             break;
         }
         std::thread::sleep(std::time::Duration::from_millis(100));
@@ -341,5 +347,5 @@ fn the_reload_of_the_unit_reaches_the_recorder_of_a_written_configuration() {
     }
     let stopped = recorder.kill().and_then(|()| recorder.wait());
     stopped.expect("the recorder was running");
-    reloaded.expect("the recorder is reached");
+    assert!(reloaded.0, "{}", reloaded.1);
 }

@@ -30,6 +30,7 @@ pub fn session() -> Session {
             from_s: 1.5,
             to_s: 3.0,
         }]),
+        origin: None,
         run_id: "test-run".to_owned(),
         started: START,
         version: "0.1.0".to_owned(),
