@@ -370,7 +370,8 @@ fn each_plain(mut add: impl FnMut(Signal<'_>)) {
     };
     let true_sideslip = |e: &Estimate| (true_angle(e, e.motion.sideslip_rad), none);
     add_plain("sideslip", None, "rad", &sideslip, &true_sideslip);
-    let plain: [(&'static str, &'static str, fn(&Motion) -> f64); 9] = [
+    type Plain = (&'static str, &'static str, fn(&Motion) -> f64);
+    let plain: [Plain; 9] = [
         ("velocity_x", "m/s", |m| m.velocity_x_m_s),
         ("velocity_y", "m/s", |m| m.velocity_y_m_s),
         ("roll", "rad", |m| m.roll_rad),
