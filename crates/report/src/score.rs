@@ -22,7 +22,7 @@ use estimator::consistency::Consistency;
 use estimator::score;
 use model::vehicle::Vehicle;
 use pass::Pass;
-use sample::{Estimate, Event, ForceFrame, LogTime, PerWheel, Wheel};
+use sample::{Estimate, Event, ForceFrame, LogTime, Motion, PerWheel, Wheel};
 use serde_json::{Value, json};
 use store::{Attachment, Reader, Record, Selection, Stage};
 
@@ -373,29 +373,21 @@ fn each_plain(mut add: impl FnMut(Signal<'_>)) {
     };
     let true_sideslip = |e: &Estimate| (true_angle(e, e.motion.sideslip_rad), none);
     add_plain("sideslip", None, "rad", &sideslip, &true_sideslip);
-    let plain: [(&'static str, &'static str, &dyn Pick); 9] = [
-        ("velocity_x", "m/s", &|e: &Estimate| {
-            (e.motion.velocity_x_m_s, none)
-        }),
-        ("velocity_y", "m/s", &|e: &Estimate| {
-            (e.motion.velocity_y_m_s, none)
-        }),
-        ("roll", "rad", &|e: &Estimate| (e.motion.roll_rad, none)),
-        ("pitch", "rad", &|e: &Estimate| (e.motion.pitch_rad, none)),
-        ("roll_rate", "rad/s", &|e: &Estimate| {
-            (e.motion.rate_rad_s[0], none)
-        }),
-        ("pitch_rate", "rad/s", &|e: &Estimate| {
-            (e.motion.rate_rad_s[1], none)
-        }),
-        ("yaw_rate", "rad/s", &|e: &Estimate| {
-            (e.motion.rate_rad_s[2], none)
-        }),
-        ("bank", "rad", &|e: &Estimate| (e.motion.bank_rad, none)),
-        ("grade", "rad", &|e: &Estimate| (e.motion.grade_rad, none)),
+    type Plain = (&'static str, &'static str, fn(&Motion) -> f64);
+    let plain: [Plain; 9] = [
+        ("velocity_x", "m/s", |m| m.velocity_x_m_s),
+        ("velocity_y", "m/s", |m| m.velocity_y_m_s),
+        ("roll", "rad", |m| m.roll_rad),
+        ("pitch", "rad", |m| m.pitch_rad),
+        ("roll_rate", "rad/s", |m| m.rate_rad_s[0]),
+        ("pitch_rate", "rad/s", |m| m.rate_rad_s[1]),
+        ("yaw_rate", "rad/s", |m| m.rate_rad_s[2]),
+        ("bank", "rad", |m| m.bank_rad),
+        ("grade", "rad", |m| m.grade_rad),
     ];
-    for (signal, unit, pick) in plain {
-        add_plain(signal, None, unit, pick, pick);
+    for (signal, unit, value) in plain {
+        let pick = |e: &Estimate| (value(&e.motion), none);
+        add_plain(signal, None, unit, &pick, &pick);
     }
     for wheel in Wheel::ALL {
         let steer = |e: &Estimate| (e.motion.steer_rad[wheel], none);
