@@ -17,7 +17,7 @@ const FLOORS: [(&str, u8); 14] = [
     ("report", 3),
     ("live", 3),
     ("testkit", 3),
-    ("pybind", 4),
+    ("pybind", 5),
     ("atvrec", 4),
 ];
 
