@@ -153,20 +153,20 @@ def test_cycles_are_those_of_another_counter(drives: Path, cluster: Any, tmp_pat
 
 def die_once(job: Any, run: fleet.Run) -> dict[str, Any]:
     """Kills the worker's process when it works on the second drive for the first time."""
-    from atvrec.fleet import work
+    from atvrec.fleet.store import Target
 
     flag = Path(os.environ["ATVREC_TEST_FLAG"])
     if run.name == "drive-12" and not flag.exists():
         flag.write_text("died")
         # The files of the result are there but for the last one.
-        original = work._Target.write
+        original = Target.write
 
         def half(target: Any, key: str, files: dict[str, bytes]) -> None:
             files.pop("runs")
             original(target, key, files)
             os._exit(9)
 
-        work._Target.write = half  # type: ignore[method-assign, assignment]
+        Target.write = half  # type: ignore[method-assign, assignment]
     return WORK_ON(job, run)
 
 
@@ -370,6 +370,22 @@ def test_wrong_arguments_are_named(drives: Path, tmp_path: Path, capsys: pytest.
     assert "'paint' is unknown; use replay, score" in capsys.readouterr().err
     assert main(["trend", str(tmp_path / "out")]) == 2
     assert "has no table parameters" in capsys.readouterr().err
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert main(["trend", str(empty)]) == 2
+    assert "no log is there" in capsys.readouterr().err
+
+
+def test_trend_takes_a_directory_of_logs(
+    drives: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["trend", str(drives), "-o", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "no parameter has enough drives" in said and "3 drives; 8 are needed" in said
+    assert "failed: text:" in said
+    found = rows(out, "select distinct step from 'TABLE:parameters/*.parquet' order by step")
+    assert [step for (step,) in found] == ["identify:cornering", "learnt", "springs"]
 
 
 def test_the_command_of_the_wheel_is_the_program() -> None:

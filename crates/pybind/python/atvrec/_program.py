@@ -68,7 +68,15 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--json", action="store_true", help="print the result as JSON")
     run.set_defaults(command=_fleet_run)
     trend = commands.add_parser("trend", help="which parameters changed over the drives of a dataset")
-    trend.add_argument("dataset", metavar="DATASET", help="directory or address that fleet run wrote")
+    trend.add_argument(
+        "dataset",
+        metavar="DATASET",
+        help="directory or address that fleet run wrote; or a directory of logs, to which the steps replay, "
+        "identify:cornering, summary, springs and rest are applied first",
+    )
+    trend.add_argument(
+        "-o", "--out", metavar="DATASET", help="where the results of a directory of logs are kept for the next call"
+    )
     trend.add_argument("--false-alarms", type=float, default=0.01, metavar="P", help="[default: 0.01]")
     trend.add_argument("--vehicle", metavar="NAME", help="only this vehicle")
     trend.add_argument("--figure", metavar="FILE", help="draw the parameters to this file (PNG, SVG or PDF)")
@@ -130,15 +138,39 @@ def _fleet_run(parsed: argparse.Namespace) -> int:
     return 3 if found.failed else 0
 
 
+def _is_directory_of_logs(path: str) -> bool:
+    return os.path.isdir(path) and not os.path.isdir(os.path.join(path, "parameters"))
+
+
+def _process(parsed: argparse.Namespace, dataset: str) -> None:
+    """Finds the parameters of all logs of a directory."""
+    from atvrec import fleet
+
+    steps = [fleet.replay(), fleet.identify("cornering"), fleet.summary(), fleet.springs(), fleet.rest()]
+    found = fleet.run(parsed.dataset, steps, dataset, progress=sys.stderr.isatty())
+    for row in found.rows:
+        if row["status"] == "failed":
+            print(f"failed: {row['run']}: {row['reason']}", file=sys.stderr)
+
+
 def _trend(parsed: argparse.Namespace) -> int:
+    from tempfile import TemporaryDirectory
+
     from atvrec.trend import trend
 
-    found = trend(
-        parsed.dataset,
-        false_alarms=parsed.false_alarms,
-        vehicle=parsed.vehicle,
-        storage_options=parsed.storage_options,
-    )
+    with TemporaryDirectory(prefix="atvrec-trend-") as folder:
+        dataset = parsed.dataset
+        if _is_directory_of_logs(dataset):
+            dataset = parsed.out or folder
+            _process(parsed, dataset)
+        elif parsed.out:
+            raise ValueError(f"--out {parsed.out}: {parsed.dataset} is a dataset already; leave --out away")
+        found = trend(
+            dataset,
+            false_alarms=parsed.false_alarms,
+            vehicle=parsed.vehicle,
+            storage_options=parsed.storage_options,
+        )
     if parsed.figure:
         if os.path.exists(parsed.figure):
             raise ValueError(f"--figure {parsed.figure}: exists already; use another name")

@@ -29,8 +29,9 @@ from atvrec.fleet.steps import (
     springs,
     summary,
 )
+from atvrec.fleet.store import Run, find
 from atvrec.fleet.tables import TABLES
-from atvrec.fleet.work import Run, Result, find, run
+from atvrec.fleet.work import Result, run
 
 __all__ = [
     "TABLES",

@@ -105,7 +105,7 @@ def file_of_table(table: pa.Table) -> bytes:
 def put(fs: Any, path: str, data: bytes) -> None:
     """Writes a file whole or not at all. Object stores do this themselves; in a directory, a file with
     another name is renamed."""
-    if "file" not in _protocols(fs):
+    if "file" not in protocols(fs):
         fs.pipe_file(path, data)
         return
     os.makedirs(os.path.dirname(path), exist_ok=True)
@@ -120,7 +120,8 @@ def put(fs: Any, path: str, data: bytes) -> None:
         raise
 
 
-def _protocols(fs: Any) -> Sequence[str]:
+def protocols(fs: Any) -> Sequence[str]:
+    """Names of a file system's protocols; ``file`` for directories of this machine."""
     return [fs.protocol] if isinstance(fs.protocol, str) else list(fs.protocol)
 
 

@@ -1,4 +1,4 @@
-"""Finding runs, and working on them with Dask."""
+"""The work on many runs with Dask."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import contextlib
 import hashlib
 import json
 import os
-import posixpath
-import re
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -20,30 +18,10 @@ from atvrec import frames
 from atvrec._atvrec import ArgumentError, AtvrecError, __version__
 from atvrec.fleet import tables
 from atvrec.fleet.steps import Drive, NoResult, Step, apply
+from atvrec.fleet.store import Options, Run, Target, fetched, find
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Options = Mapping[str, Any]
-
-_PART = re.compile(r"^(?P<stem>.+)_(?P<part>\d{4})\.mcap$")
-_TRIES = 4
-_WAIT_S = 0.5
-"""Wait before the second try of a store; doubled each time."""
-
-
-@dataclass(frozen=True)
-class Run:
-    """A run: its files in the order of recording."""
-
-    name: str
-    """Name of the first file, without its number and extension."""
-    files: tuple[str, ...]
-    """Paths or addresses."""
-    bytes: int
-    """Size of all files."""
-    source: str
-    """What identifies the files without reading them: a hash of their addresses, sizes and times."""
 
 
 @dataclass(frozen=True)
@@ -93,67 +71,6 @@ class Result:
         return frames.html("atvrec fleet", {"result": str(self)}, ("failed run", "reason"), rows)
 
 
-def find(paths: str | os.PathLike[str] | Iterable[Any], storage_options: Options | None = None) -> list[Run]:
-    """The runs of some paths: files, directories, globs (``s3://bucket/**/*.mcap``), or rows of a table with
-    the column ``path``. The parts of a run (``NAME_0000.mcap``, ``NAME_0001.mcap``) are one run. Files that
-    are still being written (``.active``) are left out.
-
-    Raises :class:`FileNotFoundError` where a path has no log.
-    """
-    parts: dict[str, list[tuple[int, str, int, str]]] = {}
-    for text in _listed(paths):
-        for url, info in _logs_of(text, storage_options or {}):
-            found = _PART.match(url)
-            stem, part = (found["stem"], int(found["part"])) if found else (url, 0)
-            stamp = str(info.get("ETag") or info.get("mtime") or info.get("LastModified") or "")
-            entry = (part, url, int(info.get("size") or 0), stamp)
-            known = parts.setdefault(stem, [])
-            if entry not in known:
-                known.append(entry)
-    runs = []
-    for stem, entries in sorted(parts.items()):
-        entries.sort()
-        name = posixpath.basename(stem).removesuffix(".mcap")
-        source = hashlib.sha256(repr(entries).encode()).hexdigest()
-        files = tuple(url for _, url, _, _ in entries)
-        runs.append(Run(name, files, sum(size for _, _, size, _ in entries), source))
-    return runs
-
-
-def _listed(paths: str | os.PathLike[str] | Iterable[Any]) -> list[str]:
-    if isinstance(paths, (str, os.PathLike)):
-        return [os.fspath(paths)]
-    table: Any = paths
-    if hasattr(table, "columns"):
-        columns = list(table.columns)
-        if "path" not in columns:
-            raise ArgumentError(f"paths: the table has no column path; it has {', '.join(columns)}")
-        table = list(table["path"])
-    return [os.fspath(path) for path in table]
-
-
-def _logs_of(text: str, options: Options) -> Iterator[tuple[str, dict[str, Any]]]:
-    import fsspec
-
-    fs, path = fsspec.core.url_to_fs(text, **options)
-    if any(sign in path for sign in "*?["):
-        found = _again(lambda: fs.glob(path, detail=True))
-    elif _again(lambda: fs.isdir(path)):
-        found = _again(lambda: fs.find(path, detail=True))
-        found = {name: info for name, info in found.items() if str(name).endswith(".mcap")}
-    else:
-        found = {path: _again(lambda: fs.info(path))}
-    logs = {
-        str(name): info
-        for name, info in found.items()
-        if info.get("type") != "directory" and not str(name).endswith(".active")
-    }
-    if not logs:
-        raise FileNotFoundError(f"{text}: no log is there")
-    for name, info in sorted(logs.items()):
-        yield fs.unstrip_protocol(name) if "://" in text else name, info
-
-
 def run(
     paths: str | os.PathLike[str] | Iterable[Any],
     steps: Sequence[Step],
@@ -191,7 +108,7 @@ def run(
         runs = given
     else:
         runs = find(paths if given is None else given, storage_options)
-    target = _Target.open(os.fspath(out), out_options or {})
+    target = Target.open(os.fspath(out), out_options or {})
     job = _Job(tuple(steps), target, dict(storage_options or {}))
     known = target.known()
     rows: list[dict[str, Any]] = []
@@ -207,8 +124,21 @@ def run(
         with _client(cluster) as client:
             rows += _work(client, job, todo, retries, in_flight, progress)
     result = Result(target.url, sorted(rows, key=lambda row: str(row["run"])), time.monotonic() - begin)
-    target.write_manifest(job, result)
+    target.put("manifest.json", json.dumps(_manifest(job, result), indent=1).encode())
     return result
+
+
+def _manifest(job: _Job, result: Result) -> dict[str, Any]:
+    """What the file ``manifest.json`` tells of the last call."""
+    return {
+        "version": __version__,
+        "steps": [{"name": step.name, "options": step.options} for step in job.steps],
+        "runs": result.rows,
+        "done": result.done,
+        "known": result.known,
+        "failed": result.failed,
+        "seconds": result.seconds,
+    }
 
 
 def _row(one: Run, status: str, key: str | None, reason: str | None = None) -> dict[str, Any]:
@@ -275,104 +205,11 @@ def _client(cluster: Any) -> Iterator[Any]:
 
 
 @dataclass(frozen=True)
-class _Known:
-    """What the dataset has."""
-
-    keys: frozenset[str]
-    """Keys of results that are not to be computed again."""
-    contents: Mapping[str, str]
-    """Hash of the contents by what identifies the files."""
-
-
-@dataclass(frozen=True)
-class _Target:
-    """A dataset."""
-
-    url: str
-    options: Options
-
-    @classmethod
-    def open(cls, url: str, options: Options) -> _Target:
-        target = cls(url if "://" in url else os.path.abspath(url), options)
-        fs, path = target._fs()
-        others = []
-        if _again(lambda: fs.exists(path)):
-            if not _again(lambda: fs.isdir(path)):
-                raise ArgumentError(f"out = {url}: is a file; name a directory")
-            names = [posixpath.basename(str(name).rstrip("/")) for name in fs.ls(path, detail=False)]
-            others = sorted(set(names) - {*tables.TABLES, "estimates", "manifest.json", ""})
-        if others:
-            raise ArgumentError(
-                f"out = {url}: has other data ({', '.join(others[:5])}); use an empty directory, or one that "
-                "fleet.run wrote"
-            )
-        return target
-
-    def _fs(self) -> tuple[Any, str]:
-        import fsspec
-
-        fs, path = fsspec.core.url_to_fs(self.url, **self.options)
-        # Other machines write into the same directory.
-        fs.invalidate_cache()
-        return fs, str(path).rstrip("/")
-
-    def known(self) -> _Known:
-        fs, path = self._fs()
-        rows = _again(lambda: tables.read_runs(fs, path))
-        return _Known(
-            frozenset(row["key"] for row in rows if not row["transient"]),
-            {row["source"]: row["content"] for row in rows if row["content"]},
-        )
-
-    def has(self, key: str) -> bool:
-        """Whether there is a result with this key that is not to be computed again."""
-        import pyarrow.parquet as pq
-
-        fs, path = self._fs()
-        name = f"{path}/runs/{key}.parquet"
-        if not _again(lambda: fs.exists(name)):
-            return False
-
-        def is_transient() -> bool:
-            with fs.open(name, "rb") as file:
-                return bool(pq.read_table(file, columns=["transient"])["transient"][0].as_py())
-
-        return not _again(is_transient)
-
-    def write(self, key: str, files: Mapping[str, bytes]) -> None:
-        """Writes the files of a result. That of the table ``runs`` comes last, and makes the result
-        valid."""
-        fs, path = self._fs()
-        for table in sorted(files, key=lambda table: table == "runs"):
-            name = f"{path}/{table}/{key}.parquet"
-            _again(lambda name=name, table=table: tables.put(fs, name, files[table]))
-
-    def remove(self, key: str) -> None:
-        fs, path = self._fs()
-        with contextlib.suppress(FileNotFoundError):
-            fs.rm_file(f"{path}/runs/{key}.parquet")
-
-    def write_manifest(self, job: _Job, result: Result) -> None:
-        fs, path = self._fs()
-        content = {
-            "version": __version__,
-            "steps": [{"name": step.name, "options": step.options} for step in job.steps],
-            "runs": result.rows,
-            "done": result.done,
-            "known": result.known,
-            "failed": result.failed,
-            "seconds": result.seconds,
-        }
-        data = json.dumps(content, indent=1).encode()
-        _again(lambda: tables.put(fs, f"{path}/manifest.json", data))
-
-
-@dataclass(frozen=True)
 class _Job:
     """What is to be done with every run."""
 
     steps: tuple[Step, ...]
-    target: _Target
+    target: Target
     storage_options: Options
 
     @property
@@ -421,7 +258,7 @@ def work_on(job: _Job, one: Run) -> dict[str, Any]:
     content = None
     with tempfile.TemporaryDirectory(prefix="atvrec-fleet-") as folder:
         try:
-            files, content = _fetched(one, FilePath(folder), job.storage_options)
+            files, content = fetched(one, FilePath(folder), job.storage_options)
             key = job.key(content)
             if job.target.has(key):
                 return _row(one, "known", key)
@@ -502,47 +339,3 @@ def _files(
             table = table.add_column(0, name, column.dictionary_encode())
         files["estimates"] = tables.file_of_table(table)
     return files
-
-
-def _fetched(one: Run, folder: FilePath, options: Options) -> tuple[list[FilePath], str]:
-    """The files of a run on this machine, and a hash of their contents."""
-    import fsspec
-
-    hashed = hashlib.sha256()
-    files = []
-    for number, url in enumerate(one.files):
-        fs, path = fsspec.core.url_to_fs(url, **options)
-        if "file" in tables._protocols(fs):
-            local = FilePath(path)
-        else:
-            local = folder / f"{number:04}-{posixpath.basename(path)}"
-            _again(lambda fs=fs, path=path, local=local: fs.get_file(path, str(local)))
-        with open(local, "rb") as file:
-            digest = hashlib.file_digest(file, "sha256") if hasattr(hashlib, "file_digest") else None
-            if digest is None:
-                digest = hashlib.sha256()
-                while piece := file.read(1 << 20):
-                    digest.update(piece)
-        hashed.update(digest.digest())
-        files.append(local)
-    return files, hashed.hexdigest()
-
-
-def _again(call: Any) -> Any:
-    """Calls a store, and again where it fails for a while. A missing file and a refused access are not
-    tried again."""
-    wait_s = _WAIT_S
-    for attempt in range(_TRIES):
-        try:
-            return call()
-        except (FileNotFoundError, PermissionError, NotADirectoryError, IsADirectoryError):
-            raise
-        except OSError:
-            if attempt + 1 == _TRIES:
-                raise
-        time.sleep(wait_s)
-        wait_s *= 2.0
-    raise AssertionError("the last try returns or raises")
-
-
-
