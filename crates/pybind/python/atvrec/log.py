@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 Path = str | os.PathLike[str]
-Rows = Literal["instants", "messages"]
-Interpolation = Literal["linear", "previous", "nearest"]
+Rows: TypeAlias = Literal["instants", "messages"]
+Interpolation: TypeAlias = Literal["linear", "previous", "nearest"]
 
 _LAST_NS = 2**63 - 1
 
