@@ -15,7 +15,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand};
 use sim::Manoeuvre;
 
-pub use calibrate::{CalibrateArgs, CalibrateCommand};
+pub use calibrate::{CalibrateArgs, CalibrateCommand, CgHeightArgs};
 pub use examples::EXAMPLES;
 pub use files::{
     CheckFilesArgs, DrawArgs, MassArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand,

@@ -21,6 +21,7 @@ pub mod live;
 pub mod man;
 pub mod merge;
 mod origin;
+mod overrides;
 pub mod record;
 pub mod recover;
 pub mod replay;

@@ -4,6 +4,7 @@
 //! converter's nominal zero is mid-scale; strain counts rise with tension, deflection counts with
 //! compression from the design length.
 
+pub mod cg_height;
 pub mod gnss;
 pub mod hub;
 pub mod imu;

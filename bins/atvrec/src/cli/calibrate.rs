@@ -29,12 +29,19 @@ pub enum CalibrateCommand {
     /// Drift of zeros and gains of the strain bridges with temperature, from logs at rest in which the
     /// temperature of the bridges changes by 8 K or more.
     Temperature(CalibrateArgs),
+    /// Height of the centre of gravity, from scales under the axles, level and with one axle raised.
+    ///
+    /// The table (CSV) has a row for each position of the vehicle, with the columns raised (none,
+    /// front or rear), lift_m (height of the ground below the raised wheels above that below the
+    /// others), front_kg and rear_kg. The wheels must roll freely.
+    CgHeight(CgHeightArgs),
 }
 
 impl CalibrateCommand {
-    /// Arguments that all steps share.
-    pub fn shared(&self) -> &CalibrateArgs {
-        match self {
+    /// Arguments that all steps share which read logs.
+    pub fn shared(&self) -> Option<&CalibrateArgs> {
+        Some(match self {
+            Self::CgHeight(_) => return None,
             Self::Zero(args) => &args.shared,
             Self::Weight(args) => &args.shared,
             Self::Steer(args) => &args.shared,
@@ -44,7 +51,7 @@ impl CalibrateCommand {
             | Self::WheelRadius(args)
             | Self::Hub(args)
             | Self::Temperature(args) => args,
-        }
+        })
     }
 }
 
@@ -100,4 +107,37 @@ pub struct SteerArgs {
     /// Standard deviation of a reading of a turn plate, degrees.
     #[arg(long, default_value = "0.1", value_name = "DEGREES", value_parser = number::angle_deg, allow_negative_numbers = true)]
     pub plate_sigma_deg: f64,
+}
+
+/// `atvrec calibrate cg-height`.
+#[derive(Debug, Args)]
+pub struct CgHeightArgs {
+    /// Table of the readings (CSV).
+    #[arg(value_name = "READINGS")]
+    pub readings: PathBuf,
+    /// Path of a vehicle file, or the name of a built-in one: it gives wheelbase, tyres and springs, and
+    /// the overrides are for it.
+    #[arg(long, value_name = "FILE")]
+    pub vehicle: String,
+    /// The springs were held at their length of the level vehicle.
+    #[arg(long)]
+    pub locked: bool,
+    /// Standard deviation of the reading of an axle, kg.
+    #[arg(long, default_value = "0.5", value_name = "KG", value_parser = number::mass_kg, allow_negative_numbers = true)]
+    pub scale_sigma_kg: f64,
+    /// Standard deviation of the lift, m.
+    #[arg(long, default_value = "0.002", value_name = "M", value_parser = number::length_m, allow_negative_numbers = true)]
+    pub lift_sigma_m: f64,
+    /// Write overrides for the vehicle file to this TOML file.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Write a page with the figure (HTML).
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }

@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 80] = [
+pub const EXAMPLES: [(&str, &str); 81] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -111,6 +111,10 @@ pub const EXAMPLES: [(&str, &str); 80] = [
     (
         "atvrec check car.toml --with minute.mcap",
         "compare the files with a recorded minute: signs, units, order of the wheels",
+    ),
+    (
+        "atvrec calibrate cg-height scales.csv --vehicle vehicle.toml -o cg-height.toml",
+        "height of the centre of gravity, from scales",
     ),
     (
         "atvrec calibrate temperature morning.mcap noon.mcap",

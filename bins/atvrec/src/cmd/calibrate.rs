@@ -1,6 +1,8 @@
 //! `atvrec calibrate`: calibrate the sensors from workshop logs. Each step is a command and adds its
 //! values to one calibration file.
 
+mod cg_height;
+
 use std::path::Path;
 
 use anyhow::{Context, ensure};
@@ -16,7 +18,12 @@ use engine::output::{Kind, Target};
 
 /// Runs the command.
 pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
-    let args = command.shared();
+    let (Some(args), Some(step)) = (command.shared(), step(command)) else {
+        return match command {
+            CalibrateCommand::CgHeight(args) => cg_height::run(args),
+            _ => Err(anyhow::anyhow!("internal error: a step without logs")),
+        };
+    };
     let inputs = || args.logs.iter().map(|log| &**log);
     // The values of other steps in the file are kept, so that `--force` is not needed.
     let output = Target::new(&args.output, Kind::Toml, true, inputs())?;
@@ -24,7 +31,6 @@ pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
     let page = page.map(|path| Target::new(path, Kind::Page, args.replace.force, inputs()));
     let page = page.transpose()?;
     let recordings = read(args)?;
-    let step = step(command);
     let first = recordings.first().context("no log is given")?;
     let known = known(&args.output, &first.vehicle.name)?;
     let found = step
@@ -42,8 +48,10 @@ pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-fn step(command: &CalibrateCommand) -> Step {
-    match command {
+/// The step, if it reads logs.
+fn step(command: &CalibrateCommand) -> Option<Step> {
+    Some(match command {
+        CalibrateCommand::CgHeight(_) => return None,
         CalibrateCommand::Zero(args) => Step::Zero {
             weight_sigma: args.weight_sigma,
         },
@@ -59,7 +67,7 @@ fn step(command: &CalibrateCommand) -> Step {
         CalibrateCommand::WheelRadius(_) => Step::WheelRadius,
         CalibrateCommand::Hub(_) => Step::Hub,
         CalibrateCommand::Temperature(_) => Step::Temperature,
-    }
+    })
 }
 
 fn read(args: &CalibrateArgs) -> engine::Result<Vec<Recording>> {

@@ -367,3 +367,86 @@ fn campaign_of_antennas_and_latencies() {
     assert!(worst[..3].iter().all(|m| *m < 0.03), "{worst:?}");
     assert!(worst[3..].iter().all(|s| *s < 0.002), "{worst:?}");
 }
+
+/// The height of the centre of gravity from a table of scales, as overrides that a configuration takes.
+#[test]
+fn the_height_of_the_centre_of_gravity_comes_from_a_table_of_scales() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    // Rigid tyres and springs held: F = m g/L (b - (h - r) tan theta), h - r = 0.30 m.
+    let (wheelbase_m, mass_kg, front_kg, above_m) = (1.4471_f64, 644.0, 270.0, 0.30);
+    let stiff = stdout(
+        &atvrec(here)
+            .args(["vehicle", "show", "prowler"])
+            .assert()
+            .success(),
+    )
+    .replace(
+        "vertical_stiffness_n_m = 120000.0",
+        "vertical_stiffness_n_m = 1e9",
+    );
+    std::fs::write(here.join("stiff.toml"), stiff).expect("written");
+    let mut table = format!(
+        "raised,lift_m,front_kg,rear_kg\nnone,0,{front_kg},{}\n",
+        mass_kg - front_kg
+    );
+    for lift_m in [0.3_f64, 0.5] {
+        let sine = lift_m / wheelbase_m;
+        let slope = sine / (1.0 - sine * sine).sqrt();
+        let lighter_kg = mass_kg * above_m * slope / wheelbase_m;
+        let front = front_kg - lighter_kg;
+        table += &format!("front,{lift_m},{front},{}\n", mass_kg - front);
+    }
+    std::fs::write(here.join("scales.csv"), table).expect("written");
+    let command = [
+        "calibrate",
+        "cg-height",
+        "scales.csv",
+        "--vehicle",
+        "stiff.toml",
+        "--locked",
+    ];
+    let found = atvrec(here)
+        .args(command)
+        .args(["--json", "-o", "height.toml", "--report", "height.html"])
+        .assert()
+        .success();
+    let found: serde_json::Value = serde_json::from_str(&stdout(&found)).expect("JSON");
+    let text = std::fs::read_to_string(here.join("height.toml")).expect("overrides");
+    let overrides: toml::Table = text.parse().expect("TOML");
+    let height_m = overrides["overrides"]["body.cg_height_m"]
+        .as_float()
+        .expect("a number");
+    // The centres of the wheels of 1e9 N/m are as high as the unloaded radius of the file.
+    assert!(
+        (height_m - (0.3175 + above_m)).abs() < 1e-3,
+        "{height_m}: {found}"
+    );
+    assert!(here.join("height.html").exists());
+    let again = atvrec(here)
+        .args(command)
+        .args(["-o", "height.toml"])
+        .assert()
+        .code(2);
+    assert!(
+        stderr(&again).contains("exists already"),
+        "{}",
+        stderr(&again)
+    );
+    std::fs::write(
+        here.join("one.csv"),
+        "raised,lift_m,front_kg,rear_kg\nnone,0,270,374\n",
+    )
+    .expect("written");
+    let one = ["calibrate", "cg-height", "one.csv", "--vehicle", "prowler"];
+    let one = stderr(&atvrec(here).args(one).assert().failure());
+    assert!(one.contains("no reading with a raised axle"), "{one}");
+    std::fs::write(
+        here.join("odd.csv"),
+        "raised,lift_m,front_kg,rear_kg\nleft,0.3,270,374\n",
+    )
+    .expect("written");
+    let odd = ["calibrate", "cg-height", "odd.csv", "--vehicle", "prowler"];
+    let odd = stderr(&atvrec(here).args(odd).assert().code(2));
+    assert!(odd.contains("must be none, front or rear"), "{odd}");
+}

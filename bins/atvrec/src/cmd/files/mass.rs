@@ -11,6 +11,7 @@ use toml::{Table, Value};
 
 use super::VEHICLES;
 use crate::cli::MassArgs;
+use crate::cmd::overrides;
 use crate::exit::{Outcome, UsageError};
 
 /// Columns that every list has.
@@ -87,7 +88,7 @@ impl Row {
 pub fn run(args: &MassArgs) -> anyhow::Result<Outcome> {
     let vehicle = Vehicle::from_toml(&VEHICLES.text(&args.vehicle)?, &args.vehicle)?;
     let (whole, count) = read(&args.components)?;
-    let overrides = overrides(&whole, &vehicle, args)?;
+    let fields = fields(&whole, &vehicle, args)?;
     if args.json {
         let numbers = json!({
             "components": count,
@@ -95,7 +96,7 @@ pub fn run(args: &MassArgs) -> anyhow::Result<Outcome> {
             "mass_kg": whole.mass_kg,
             "moments_kg_m2": whole.moments_kg_m2,
             "products_kg_m2": whole.products_kg_m2,
-            "overrides": overrides,
+            "overrides": fields,
         });
         println!("{numbers:#}");
     } else {
@@ -104,7 +105,8 @@ pub fn run(args: &MassArgs) -> anyhow::Result<Outcome> {
     if let Some(output) = &args.output {
         let inputs = [args.components.as_path(), Path::new(&args.vehicle)];
         let target = Target::new(output, Kind::Toml, args.replace.force, inputs)?;
-        target.write(&file(&overrides, &vehicle, args)?)?;
+        let text = overrides::text("vehicle mass", &vehicle.name, &args.components, &fields)?;
+        target.write(&text)?;
         if !args.json {
             println!("{}: overrides of [body]", output.display());
         }
@@ -170,7 +172,7 @@ fn read(path: &Path) -> anyhow::Result<(MassProperties, usize)> {
 }
 
 /// Fields of the vehicle file.
-fn overrides(whole: &MassProperties, vehicle: &Vehicle, args: &MassArgs) -> anyhow::Result<Table> {
+fn fields(whole: &MassProperties, vehicle: &Vehicle, args: &MassArgs) -> anyhow::Result<Table> {
     let [x_m, y_m, z_m] = whole.cg_m;
     let wheelbase_m = vehicle.wheelbase_m();
     if !(-wheelbase_m..=0.0).contains(&x_m) {
@@ -220,22 +222,4 @@ fn print(whole: &MassProperties, vehicle: &Vehicle, count: usize) {
         "the vehicle file has    {:.2} kg, {:.4} m high",
         file.mass_kg, file.cg_m[2]
     );
-}
-
-/// Text of a file for the vehicle's `overrides`.
-fn file(overrides: &Table, vehicle: &Vehicle, args: &MassArgs) -> anyhow::Result<String> {
-    let table = Table::from_iter([
-        ("vehicle".to_owned(), Value::from(vehicle.name.clone())),
-        ("made_by".to_owned(), Value::from("vehicle mass")),
-        (
-            "logs".to_owned(),
-            Value::Array(vec![args.components.display().to_string().into()]),
-        ),
-        ("overrides".to_owned(), Value::Table(overrides.clone())),
-    ]);
-    let text = toml::to_string_pretty(&table)?;
-    Ok(format!(
-        "# Result of `atvrec vehicle mass`. Add this file to `overrides` under [vehicle] in\n# atvrec.toml; \
-         then its [overrides] replace fields of the vehicle file.\n{text}"
-    ))
 }
