@@ -72,7 +72,7 @@ fn read(path: &str) -> Result<(), Box<dyn Error>> {
     }
     let seconds = begin.elapsed().as_secs_f64();
     println!(
-        "plain loop: {frames} frames in {seconds:.2f} s, {:.0} MB/s (sum {sum:x})",
+        "plain loop: {frames} frames in {seconds:.2} s, {:.0} MB/s (sum {sum:x})",
         bytes as f64 / 1e6 / seconds
     );
     Ok(())
