@@ -68,29 +68,7 @@ pub fn cg_height(
     readings: &[Reading],
     options: &Options,
 ) -> Result<Findings, Refusal> {
-    for reading in readings {
-        check(reading)?;
-    }
-    let level: Vec<&Reading> = readings.iter().filter(|r| r.raised.is_none()).collect();
-    let raised: Vec<&Reading> = readings.iter().filter(|r| r.raised.is_some()).collect();
-    if level.is_empty() || raised.is_empty() {
-        let (channel, help) = if level.is_empty() {
-            (
-                "reading of the level vehicle",
-                "weigh both axles level, too",
-            )
-        } else {
-            (
-                "reading with a raised axle",
-                "raise one axle by a fifth of the wheelbase or more, and weigh both axles again",
-            )
-        };
-        return Err(Refusal::Missing {
-            what: WHAT.to_owned(),
-            channel: channel.to_owned(),
-            help: help.to_owned(),
-        });
-    }
+    let (level, raised) = sorted(readings)?;
     let mass_kg = total(readings, options)?;
     let mean = |axle: usize| {
         let sum: f64 = level.iter().map(|reading| reading.axle_kg[axle]).sum();
@@ -118,20 +96,7 @@ pub fn cg_height(
         options,
     );
     let height_m = radius_m + above_m;
-    let finding = |name: &str, value: f64, sigma: f64| Finding {
-        name: name.to_owned(),
-        value,
-        unit: "m".to_owned(),
-        sigma,
-        interval: Some([value - 1.96 * sigma, value + 1.96 * sigma]),
-        condition: 1.0,
-        excitation: None,
-        whiteness: None,
-        span: Span {
-            rows: readings.len(),
-            ..Span::default()
-        },
-    };
+    let finding = |name, value, sigma| finding(name, value, sigma, readings.len());
     let along_m = wheelbase_m / mass_kg * options.scale_sigma_kg / (level.len() as f64).sqrt();
     let mut found = Findings {
         what: WHAT.to_owned(),
@@ -168,6 +133,49 @@ pub fn cg_height(
     }
     found.figures.push(figure(&rows, above_m));
     Ok(found)
+}
+
+/// The readings of the level vehicle, and those with a raised axle.
+fn sorted(readings: &[Reading]) -> Result<(Vec<&Reading>, Vec<&Reading>), Refusal> {
+    for reading in readings {
+        check(reading)?;
+    }
+    let (level, raised): (Vec<&Reading>, Vec<&Reading>) = readings
+        .iter()
+        .partition(|reading| reading.raised.is_none());
+    let (channel, help) = match (level.is_empty(), raised.is_empty()) {
+        (true, _) => (
+            "reading of the level vehicle",
+            "weigh both axles level, too",
+        ),
+        (false, true) => (
+            "reading with a raised axle",
+            "raise one axle by a fifth of the wheelbase or more, and weigh both axles again",
+        ),
+        (false, false) => return Ok((level, raised)),
+    };
+    Err(Refusal::Missing {
+        what: WHAT.to_owned(),
+        channel: channel.to_owned(),
+        help: help.to_owned(),
+    })
+}
+
+fn finding(name: &str, value: f64, sigma: f64, rows: usize) -> Finding {
+    Finding {
+        name: name.to_owned(),
+        value,
+        unit: "m".to_owned(),
+        sigma,
+        interval: Some([value - 1.96 * sigma, value + 1.96 * sigma]),
+        condition: 1.0,
+        excitation: None,
+        whiteness: None,
+        span: Span {
+            rows,
+            ..Span::default()
+        },
+    }
 }
 
 fn check(reading: &Reading) -> Result<(), Refusal> {
