@@ -106,7 +106,10 @@ def main():
         begin = time.monotonic()
         with MDF(version="4.10") as written:
             for group in groups:
-                same = [s for s in group if len(s.timestamps) == len(group[0].timestamps)]
+                numbers = [s for s in group if s.samples.dtype.kind in "biuf"]
+                same = [s for s in numbers if len(s.timestamps) == len(numbers[0].timestamps)]
+                if not same:
+                    continue
                 written.append([Signal(s.samples, s.timestamps, name=s.name, unit=s.unit) for s in same])
             written.save(folder / "asammdf.mf4", overwrite=True)
         theirs = time.monotonic() - begin
