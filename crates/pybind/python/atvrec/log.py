@@ -384,7 +384,7 @@ class Log:
 def open(paths: Path | Iterable[Path]) -> Log:
     """Opens a log: one file, or all files of one run in any order.
 
-    A file that was cut short or damaged opens as well; ``info()["missing"]`` tells.
+    A file that was cut short or damaged opens as well; ``info()["missing"]`` lists what is missing.
 
     Raises :class:`FileNotFoundError` and its like where a file cannot be read,
     :class:`atvrec.LogError` where one is no log or belongs to another run.

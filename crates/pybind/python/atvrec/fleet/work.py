@@ -129,7 +129,7 @@ def run(
 
 
 def _manifest(job: _Job, result: Result) -> dict[str, Any]:
-    """What the file ``manifest.json`` tells of the last call."""
+    """Content of ``manifest.json``: the last call."""
     return {
         "version": __version__,
         "steps": [{"name": step.name, "options": step.options} for step in job.steps],
