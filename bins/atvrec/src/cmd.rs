@@ -29,6 +29,7 @@ pub mod report;
 pub mod score;
 pub mod simulate;
 pub mod split;
+mod table;
 #[cfg(feature = "live")]
 pub mod top;
 pub mod virtual_;

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use anyhow::Context;
 use engine::output::{Kind, Target};
 use engine::vehicle_file;
 use estimator::calibration::cg_height::{Options, Reading, cg_height};
@@ -12,7 +11,7 @@ use serde::Deserialize;
 use toml::{Table, Value};
 
 use crate::cli::CgHeightArgs;
-use crate::cmd::{findings, overrides};
+use crate::cmd::{findings, overrides, table};
 use crate::exit::{Outcome, UsageError};
 
 /// Columns of the table.
@@ -87,25 +86,11 @@ fn fields(found: &Findings, wheelbase_m: f64) -> Table {
 fn readings(path: &Path) -> anyhow::Result<Vec<Reading>> {
     let shown = path.display();
     let usage = |text: String| anyhow::Error::from(UsageError(text));
-    let file = std::fs::File::open(path).with_context(|| format!("cannot read {shown}"))?;
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
-        .from_reader(file);
-    let heads = reader
-        .headers()
-        .with_context(|| format!("{shown} is no CSV file"))?;
-    if let Some(missing) = COLUMNS
-        .iter()
-        .find(|column| !heads.iter().any(|head| head == **column))
-    {
-        return Err(usage(format!(
-            "{shown}: the first line lacks {missing}; it must have {}",
-            COLUMNS.join(",")
-        )));
-    }
     let mut readings = Vec::new();
-    for (number, row) in reader.deserialize::<Row>().enumerate() {
+    for (number, row) in table::rows::<Row>(path, &COLUMNS, &[])?
+        .into_iter()
+        .enumerate()
+    {
         let row = row.map_err(|error| usage(format!("{shown}: row {}: {error}", number + 1)))?;
         let raised = match row.raised.as_str() {
             "none" | "" => None,

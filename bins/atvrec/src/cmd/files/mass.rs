@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use anyhow::Context;
 use engine::output::{Kind, Target};
 use model::vehicle::{MassProperties, Vehicle};
 use serde::Deserialize;
@@ -11,7 +10,7 @@ use toml::{Table, Value};
 
 use super::VEHICLES;
 use crate::cli::MassArgs;
-use crate::cmd::overrides;
+use crate::cmd::{overrides, table};
 use crate::exit::{Outcome, UsageError};
 
 /// Columns that every list has.
@@ -118,37 +117,12 @@ pub fn run(args: &MassArgs) -> anyhow::Result<Outcome> {
 fn read(path: &Path) -> anyhow::Result<(MassProperties, usize)> {
     let shown = path.display();
     let usage = |text: String| anyhow::Error::from(UsageError(text));
-    let file = std::fs::File::open(path).with_context(|| format!("cannot read {shown}"))?;
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
-        .from_reader(file);
-    let heads = reader
-        .headers()
-        .with_context(|| format!("{shown} is no CSV file"))?;
-    let missing = COLUMNS
-        .iter()
-        .filter(|column| !heads.iter().any(|head| head == **column));
-    let missing: Vec<&str> = missing.copied().collect();
-    if !missing.is_empty() {
-        return Err(usage(format!(
-            "{shown}: the first line lacks {}; it must have {}, and may have {}",
-            missing.join(", "),
-            COLUMNS.join(","),
-            INERTIA.join(",")
-        )));
-    }
-    let is_known = |head: &&str| COLUMNS.contains(head) || INERTIA.contains(head);
-    if let Some(unknown) = heads.iter().find(|head| !is_known(head)) {
-        return Err(usage(format!(
-            "{shown}: the column {unknown:?} is unknown; the columns are {}, and {}",
-            COLUMNS.join(","),
-            INERTIA.join(",")
-        )));
-    }
     let (mut whole, mut count): (Option<MassProperties>, usize) = (None, 0);
     let mut problems = Vec::new();
-    for (number, row) in reader.deserialize::<Row>().enumerate() {
+    for (number, row) in table::rows::<Row>(path, &COLUMNS, &INERTIA)?
+        .into_iter()
+        .enumerate()
+    {
         let place = format!("component {}", number + 1);
         let found = row
             .map_err(|error| format!("{place}: {error}"))
