@@ -255,6 +255,12 @@ impl Corners {
         &self.states
     }
 
+    /// Standard deviation of the ground's normal at a wheel about x and about y, rad.
+    #[must_use]
+    pub fn tilt_rad(&self) -> f64 {
+        self.tilt.sigma_rad()
+    }
+
     /// A live axle now and one step before.
     #[must_use]
     pub fn live_axle(&self) -> Option<&[LiveAxleState; 2]> {
@@ -675,6 +681,8 @@ mod tests {
             rate_rad_s: Vector3::zeros(),
             rate_dot_rad_s2: Vector3::zeros(),
             specific_force_m_s2: Vector3::z() * STANDARD_GRAVITY_M_S2,
+            accel_bias_m_s2: Vector3::zeros(),
+            accel_bias_sigma_m_s2: Vector3::zeros(),
             specific_force_dot_m_s3: Vector3::zeros(),
             sideslip_rad: 0.0,
             sideslip_sigma_rad: 0.1,

@@ -4,6 +4,7 @@ mod aiding;
 mod balances;
 mod events;
 mod lagged;
+mod mistakes;
 mod monitors;
 mod payload;
 mod placement;
@@ -40,10 +41,12 @@ use crate::waiting::{Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 pub(crate) use lagged::LAG_STEPS;
+pub use mistakes::FoundMistake;
 pub use placement::WheelPlacement;
 
 use events::Divergence;
 use lagged::Past;
+use mistakes::MistakeWatch;
 use monitors::ConsistencyMonitors;
 use stages::MeasuredForces;
 use temperature::BridgeTemperatures;
@@ -99,6 +102,7 @@ pub struct Estimator {
     monitors: ConsistencyMonitors,
     corners: Option<Corners>,
     fusion: Option<Fusion>,
+    mistakes: Option<MistakeWatch>,
     expected: ExpectedForces,
     lift: LiftDetector,
     grip: Grip,
@@ -162,6 +166,10 @@ impl Estimator {
             Fusion::new(vehicle, &sensors.strain, channels, hubs, t)
         });
         Ok(Self {
+            mistakes: fusion.as_ref().map(|fusion| {
+                let bias_sigma = sensors.imu.accel_bias_m_s2;
+                MistakeWatch::new(fusion, vehicle, &calibration, bias_sigma, &t.mistakes)
+            }),
             motion: MotionFilter::new(motion_settings(sensors, &calibration, t), &t.motion),
             planar: corners
                 .is_none()
@@ -350,6 +358,7 @@ impl Estimator {
         if navigated && settled {
             self.learn_grip(time, &state, &motion, &measured, &reported, out);
         }
+        self.watch_mistakes(time, out);
         self.feedback = self.feed_back(measured, steering_wheel);
         let estimate = Estimate {
             time,

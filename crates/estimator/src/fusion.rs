@@ -52,6 +52,7 @@ mod live_axle;
 mod moments;
 mod process;
 mod propagation;
+pub mod relations;
 mod transition;
 
 use model::sensors::StrainChain;
@@ -90,6 +91,7 @@ use lengths::LengthWatch;
 use live_axle::AxleForms;
 use moments::KnownMoment;
 use process::{accel_noise, tipping_noise, torque_noise};
+use relations::RelationWindow;
 
 /// Axes of the moments that are states.
 const MOMENT_AXES: [usize; 2] = [0, 2];
@@ -146,6 +148,13 @@ pub struct Fusion {
     steps: u32,
     resets: u32,
     innovations: InnovationTally,
+    /// Relations since the last complete window, and whether the window is complete.
+    relations: Option<Box<RelationWindow>>,
+    related: bool,
+    /// Steps of a window.
+    window_steps: u32,
+    /// No channel is blamed alone: the configuration can be wrong.
+    undecided: bool,
 }
 
 /// Input of one step.
@@ -177,6 +186,8 @@ pub struct StepInput<'a> {
     pub axle: Option<&'a [LiveAxleState; 2]>,
     /// Roll and pitch rate of the body over the ground, rad/s, in place of gyros that are not used.
     pub turn_over_ground: Option<[f64; 2]>,
+    /// Standard deviation of the ground's normal at a wheel, rad.
+    pub tilt_rad: f64,
 }
 
 /// Change of a channel between good and faulty.
@@ -307,6 +318,10 @@ impl Fusion {
             steps: 0,
             resets: 0,
             innovations: InnovationTally::default(),
+            relations: Some(Box::default()),
+            related: false,
+            undecided: false,
+            window_steps: (tuning.mistakes.window_s / crate::grid::GRID_S).round() as u32,
         };
         if fusion.hubs.iter().all(Option::is_none) {
             fusion.covariance.leave_out_from(HUB_BIAS);
@@ -335,6 +350,17 @@ impl Fusion {
         self.forget(channels);
     }
 
+    /// Starts again with channels that were corrected.
+    pub(crate) fn begin_again(&mut self, channels: &PerWheel<CornerChannels>) {
+        self.health = Default::default();
+        self.restart(channels);
+    }
+
+    /// Whether no channel is blamed alone.
+    pub(crate) fn hold_blame(&mut self, hold: bool) {
+        self.undecided = hold;
+    }
+
     /// The same filter of a vehicle whose mass properties have changed.
     pub fn load(&mut self, vehicle: &Vehicle) {
         self.body = Body::new(vehicle);
@@ -355,6 +381,7 @@ impl Fusion {
         let model = self.model(input);
         self.earlier_n = std::array::from_fn(|wheel| self.state[LAGGED + 3 * wheel]);
         self.force_noise.drive(input.motion.velocity_m_s.x);
+        self.relate(input, &model, readings);
         self.predict(input, &model);
         let before = self.adapting();
         self.agreed = false;

@@ -30,6 +30,7 @@ mod innovation;
 mod inputs;
 mod kinematics;
 mod lift;
+pub mod mistakes;
 pub mod motion;
 pub mod planar;
 mod process_noise;
@@ -54,7 +55,7 @@ pub use {model, sample};
 
 pub use calibration::Calibration;
 pub use error::EstimatorError;
-pub use estimator::{Estimator, Output, WheelPlacement};
+pub use estimator::{Estimator, FoundMistake, Output, WheelPlacement};
 pub use grid::GRID_NANOS;
 pub use settings::{Input, Method, Settings};
 pub use tuning::Tuning;

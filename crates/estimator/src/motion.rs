@@ -145,7 +145,11 @@ pub struct MotionState {
     pub rate_dot_rad_s2: Vector3<f64>,
     /// Specific force at the centre of gravity without bias as last read, body axes, m/s^2.
     pub specific_force_m_s2: Vector3<f64>,
-    /// Its derivative, body axes, m/s^3.
+    /// The bias that was taken off, m/s^2.
+    pub accel_bias_m_s2: Vector3<f64>,
+    /// Its standard deviation, m/s^2.
+    pub accel_bias_sigma_m_s2: Vector3<f64>,
+    /// Derivative of the specific force, body axes, m/s^3.
     pub specific_force_dot_m_s3: Vector3<f64>,
     /// Sideslip angle in the horizontal plane (ISO 8855), rad.
     pub sideslip_rad: f64,
@@ -331,6 +335,13 @@ impl MotionFilter {
             .fixed_rows_mut::<3>(GYRO_BIAS)
             .fill(s.gyro_bias_sigma_rad_s.max(t.gyro_bias_start_min_rad_s));
         sigma.component_mul(&sigma)
+    }
+
+    /// Forgets all that was learnt, for an inertial unit that was corrected.
+    pub(crate) fn begin_again(&mut self) {
+        self.restart();
+        self.velocity_time = None;
+        self.forget_attitude();
     }
 
     fn restart(&mut self) {

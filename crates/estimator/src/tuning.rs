@@ -12,6 +12,7 @@ mod corners;
 mod fusion;
 mod grip;
 mod inertial_forces;
+mod mistakes;
 mod motion;
 mod planar;
 mod road;
@@ -26,6 +27,7 @@ pub use fusion::{
 };
 pub use grip::GripTuning;
 pub use inertial_forces::InertialForcesTuning;
+pub use mistakes::MistakeTuning;
 pub use motion::{AidingTuning, JumpTuning, MotionTuning, ReceiverTuning};
 pub use planar::{PlanarInputTuning, PlanarTuning};
 pub use road::RoadTuning;
@@ -128,6 +130,7 @@ tuning! {
         group watch: WatchTuning;
         group corners: CornerTuning;
         group fusion: FusionTuning;
+        group mistakes: MistakeTuning;
         group process_noise: ProcessNoiseTuning;
         group statics: StaticsTuning;
         group expected: ExpectedTuning;

@@ -300,6 +300,8 @@ pub enum EventKind {
     SensorFault(String),
     /// A sensor is used again.
     SensorRecovered(String),
+    /// A mistake of the configuration, by what it concerns.
+    Mistake(String),
     /// A filter diverged and was started anew.
     FilterReset,
     /// A filter that was started anew has settled.
@@ -308,7 +310,7 @@ pub enum EventKind {
 
 impl EventKind {
     /// Names of all kinds.
-    pub const NAMES: [&'static str; 10] = [
+    pub const NAMES: [&'static str; 11] = [
         "lift_warning",
         "lift",
         "touchdown",
@@ -319,6 +321,7 @@ impl EventKind {
         "sensor_recovered",
         "filter_reset",
         "filter_recovered",
+        "mistake",
     ];
 
     /// The kind's name, one of [`EventKind::NAMES`].
@@ -335,6 +338,7 @@ impl EventKind {
             Self::SensorRecovered(_) => 7,
             Self::FilterReset => 8,
             Self::FilterRecovered => 9,
+            Self::Mistake(_) => 10,
         }]
     }
 }

@@ -127,6 +127,7 @@ impl OutputState {
             }
             EventKind::SensorFault(_)
             | EventKind::SensorRecovered(_)
+            | EventKind::Mistake(_)
             | EventKind::FilterReset
             | EventKind::FilterRecovered => return,
         }

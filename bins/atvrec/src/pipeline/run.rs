@@ -450,7 +450,7 @@ impl RecordSink {
 fn log_event(event: &Event) {
     let text = &event.text;
     match event.kind {
-        EventKind::SensorFault(_) | EventKind::FilterReset => {
+        EventKind::SensorFault(_) | EventKind::FilterReset | EventKind::Mistake(_) => {
             tracing::warn!(source = "estimator", "{text}");
         }
         EventKind::SensorRecovered(_) | EventKind::FilterRecovered => {

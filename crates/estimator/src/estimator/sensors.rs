@@ -25,8 +25,9 @@ impl Estimator {
             return;
         };
         let c = &self.calibration;
+        let scale = self.mistakes.as_ref().map_or(1.0, |watch| watch.scale);
         let held = Held::Inertial {
-            force: c.body_from_imu * (force - c.accel_bias_m_s2),
+            force: c.body_from_imu * (scale * force - c.accel_bias_m_s2),
             rate: c.body_from_imu * (rate - c.gyro_bias_rad_s),
         };
         self.waiting.push(time, held);

@@ -82,13 +82,17 @@ impl Estimator {
                     self.take_velocity(time, source, &gnss, now, out);
                 }
                 Held::Attitude(gnss) => self.take_attitude(time, &gnss, now, out),
-                Held::Corner(corner) => self.readings.push_corner(
-                    time,
-                    &corner,
-                    &self.calibration.corners[corner.wheel],
-                    self.settings.uses(Input::Strain),
-                    self.settings.uses(Input::Deflection),
-                ),
+                Held::Corner(corner) => {
+                    let watch = self.mistakes.as_ref();
+                    let corner = watch.map_or(corner, |watch| watch.routed(&corner));
+                    self.readings.push_corner(
+                        time,
+                        &corner,
+                        &self.calibration.corners[corner.wheel],
+                        self.settings.uses(Input::Strain),
+                        self.settings.uses(Input::Deflection),
+                    );
+                }
                 Held::SteeringWheel(angle) => self.take_steering_wheel(time, angle, now, out),
                 Held::HubAcceleration(hub) => {
                     self.take_hub_acceleration(time, &hub, now, out);
@@ -215,6 +219,7 @@ impl Estimator {
                 used: self.monitors.inertial.used(),
                 axle: corners.live_axle(),
                 turn_over_ground: corners.turn_over_ground(),
+                tilt_rad: corners.tilt_rad(),
             };
             let forces = fusion.step(&input, &mut self.readings, &mut |change| {
                 out(Output::Event(channel_event(now, change, &self.vehicle)));

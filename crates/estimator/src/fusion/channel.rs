@@ -73,15 +73,21 @@ impl ChannelHealth {
     }
 
     /// Judges an innovation by its normalised square, before any reading of the step was taken. What the
-    /// road does to several channels at once is no evidence.
-    pub fn judge(&mut self, square: f64, is_evidence: bool, tuning: &ChannelTuning) -> Change {
+    /// road does to several channels at once is no evidence. A channel is not found faulty unless `may_blame`.
+    pub fn judge(
+        &mut self,
+        square: f64,
+        is_evidence: bool,
+        may_blame: bool,
+        tuning: &ChannelTuning,
+    ) -> Change {
         let gate = tuning.gate_sigma;
         let outside = square.is_nan() || square > gate * gate;
         if outside && !is_evidence {
             return Change::None;
         }
         self.outside += tuning.learning * (f64::from(outside) - self.outside);
-        if !self.faulty && self.outside > tuning.faulty {
+        if !self.faulty && self.outside > tuning.faulty && may_blame {
             self.faulty = true;
             Change::Faulty
         } else if self.faulty && self.outside < tuning.good {

@@ -394,7 +394,8 @@ impl Fusion {
         for channel in StrainChannel::ALL {
             let i = channel.index();
             let Some(square) = squares[i] else { continue };
-            let change = self.health[wheel][i].judge(square, is_evidence, &t.channels);
+            let change =
+                self.health[wheel][i].judge(square, is_evidence, !self.undecided, &t.channels);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,

@@ -151,12 +151,17 @@ impl Fusion {
     }
 
     /// m times the matrix of w' x r.
-    fn lever_kg_m(&self, input: &StepInput<'_>) -> Matrix3<f64> {
+    pub(super) fn lever_kg_m(&self, input: &StepInput<'_>) -> Matrix3<f64> {
         -input.imu_m.cross_matrix() * self.body.mass_kg
     }
 
     /// The form of the accelerometer's axis: m f = sum F + m w' x r.
-    fn accelerometer(&self, input: &StepInput<'_>, balance: &Balance, axis: usize) -> Sum {
+    pub(super) fn accelerometer(
+        &self,
+        input: &StepInput<'_>,
+        balance: &Balance,
+        axis: usize,
+    ) -> Sum {
         let lever = self.lever_kg_m(input);
         let mut sum = balance.push[axis];
         for (k, turn) in balance.turn.iter().enumerate() {
@@ -184,7 +189,7 @@ impl Fusion {
     }
 
     /// m times the specific force at the inertial unit without w x (w x r), less what no state has, N.
-    fn measured_sum_n(&self, input: &StepInput<'_>, balance: &Balance) -> Vector3<f64> {
+    pub(super) fn measured_sum_n(&self, input: &StepInput<'_>, balance: &Balance) -> Vector3<f64> {
         let at_unit =
             input.motion.specific_force_m_s2 + input.motion.rate_dot_rad_s2.cross(&input.imu_m);
         at_unit * self.body.mass_kg

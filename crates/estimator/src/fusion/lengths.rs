@@ -80,7 +80,7 @@ impl Fusion {
             watch.calm = if error < t.good_mm { watch.calm + 1 } else { 0 };
             let beyond = error - t.faulty_sigma * variance.max(0.0).sqrt() > t.faulty_mm;
             watch.beyond = if beyond { watch.beyond + 1 } else { 0 };
-            if !watch.faulty && watch.beyond > t.faulty_steps {
+            if !watch.faulty && watch.beyond > t.faulty_steps && !self.undecided {
                 watch.faulty = true;
                 changes(ChannelChange {
                     wheel,

@@ -83,6 +83,12 @@ impl Solution {
             rate_rad_s: rate,
             rate_dot_rad_s2: self.rate_dot,
             specific_force_m_s2: force + self.rate_dot.cross(&arm) + rate.cross(&rate.cross(&arm)),
+            accel_bias_m_s2: self.accel_bias,
+            accel_bias_sigma_m_s2: Vector3::from_fn(|axis, _| {
+                self.covariance[(ACCEL_BIAS + axis, ACCEL_BIAS + axis)]
+                    .max(0.0)
+                    .sqrt()
+            }),
             specific_force_dot_m_s3: self.force_dot,
             sideslip_rad: if moving { wrap(course - yaw) } else { 0.0 },
             sideslip_sigma_rad: if moving {

@@ -1099,7 +1099,7 @@ pub struct Event {
     /// Of the vehicle at the declaration (Rollover.load_transfer_ratio), of lifts and their warnings.
     #[prost(double, optional, tag = "14")]
     pub load_transfer_ratio: ::core::option::Option<f64>,
-    #[prost(oneof = "event::Kind", tags = "4, 16, 17, 18, 9, 10, 11, 12, 13, 15")]
+    #[prost(oneof = "event::Kind", tags = "4, 16, 17, 18, 9, 10, 11, 12, 13, 15, 19")]
     pub kind: ::core::option::Option<event::Kind>,
 }
 /// Nested message and enum types in `Event`.
@@ -1128,6 +1128,9 @@ pub mod event {
         SurfaceChange(super::SurfaceChange),
         #[prost(message, tag = "15")]
         FilterRecovered(super::FilterRecovered),
+        /// What a mistake of the configuration concerns.
+        #[prost(string, tag = "19")]
+        Mistake(::prost::alloc::string::String),
     }
 }
 impl ::prost::Name for Event {

@@ -1,0 +1,291 @@
+//! Mistakes of the configuration: what the drive proves is reported, and corrected where it is known.
+
+use std::sync::Arc;
+
+use model::vehicle::{Payload, Vehicle};
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use sample::{CornerSample, Event, EventKind, LogTime, Wheel};
+
+use super::{Estimator, Output};
+use crate::calibration::{Channel, Resolved};
+use crate::fusion::Fusion;
+use crate::fusion::relations::{CHANNELS, channel_of};
+use crate::mistakes::{Hypothesis, Judged, Mistakes, Setup, right_angles};
+use crate::statics::AXIAL;
+use crate::tuning::MistakeTuning;
+
+/// Name of the payload that the drive has shown.
+const FOUND_PAYLOAD: &str = "found by the estimator";
+
+/// A mistake that the drive has proved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FoundMistake {
+    /// When.
+    pub time: LogTime,
+    /// What, and its numbers.
+    pub judged: Judged,
+    /// Whether the estimator uses the corrected value from then on.
+    pub corrected: bool,
+}
+
+/// The search for mistakes of the configuration.
+#[derive(Clone, Debug)]
+pub(super) struct MistakeWatch {
+    /// Shared by copies of the estimator until it changes.
+    evidence: Arc<Mistakes>,
+    found: Vec<FoundMistake>,
+    /// Member that each axial channel of a corner measures.
+    members: [[usize; AXIAL.len()]; 4],
+    /// Wheel that the channels of a corner belong to.
+    wheels: [Wheel; 4],
+    /// Factor on the specific force.
+    pub(super) scale: f64,
+    /// The first step, and since when a mistake is likely.
+    started: Option<LogTime>,
+    suspected: Option<LogTime>,
+    /// Nothing more is looked for: what was found cannot be corrected.
+    ended: bool,
+}
+
+impl MistakeWatch {
+    pub(super) fn new(
+        fusion: &Fusion,
+        vehicle: &Vehicle,
+        calibration: &Resolved,
+        bias_sigma: f64,
+        tuning: &MistakeTuning,
+    ) -> Self {
+        let setup = fusion.mistake_setup(vehicle, calibration, bias_sigma);
+        Self {
+            evidence: Arc::new(Mistakes::new(setup, tuning)),
+            found: Vec::new(),
+            members: [std::array::from_fn(|i| i); 4],
+            wheels: Wheel::ALL,
+            scale: 1.0,
+            started: None,
+            suspected: None,
+            ended: false,
+        }
+    }
+
+    /// Whether no channel is blamed alone: the drive has not said yet that the configuration is right, or a mistake
+    /// is likely. Each lasts `hold_s` at most.
+    fn is_undecided(&mut self, now: LogTime, hold_s: f64) -> bool {
+        let within = |since: LogTime| now.seconds_since(since) < hold_s;
+        let is_new = within(*self.started.get_or_insert(now)) && !self.evidence.is_agreed();
+        self.suspected = self
+            .evidence
+            .is_suspected()
+            .then(|| self.suspected.unwrap_or(now));
+        is_new || self.suspected.is_some_and(within)
+    }
+
+    /// The sample of the corner to which it belongs, its channels in the order of the members.
+    pub(super) fn routed(&self, sample: &CornerSample) -> CornerSample {
+        let mut routed = *sample;
+        let from = sample.wheel.index();
+        routed.wheel = self.wheels[from];
+        for (i, member) in self.members[from].into_iter().enumerate() {
+            routed.strain_counts[AXIAL[member].index()] = sample.strain_counts[AXIAL[i].index()];
+        }
+        routed
+    }
+}
+
+impl Estimator {
+    /// Mistakes of the configuration that the drive has proved so far.
+    #[must_use]
+    pub fn mistakes_found(&self) -> &[FoundMistake] {
+        self.mistakes.as_ref().map_or(&[], |watch| &watch.found)
+    }
+
+    /// The evidence for mistakes, of a vehicle with linkages.
+    #[must_use]
+    pub fn mistakes(&self) -> Option<&Mistakes> {
+        self.mistakes.as_ref().map(|watch| &*watch.evidence)
+    }
+
+    /// Weighs the mistakes by the relations of the last window, if it is complete.
+    pub(super) fn watch_mistakes(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
+        let (Some(fusion), Some(watch)) = (&mut self.fusion, &mut self.mistakes) else {
+            return;
+        };
+        if watch.ended {
+            return;
+        }
+        let t = &self.settings.tuning.mistakes;
+        let mut certain = None;
+        fusion.with_relations(|window| {
+            certain = Arc::make_mut(&mut watch.evidence).take(window);
+        });
+        fusion.hold_blame(watch.is_undecided(now, t.hold_s));
+        let Some(judged) = certain else { return };
+        let count_n = self.count_n();
+        let described = judged.describe(&self.vehicle, &count_n);
+        let corrected = self.correct(&judged).is_some();
+        let then = if corrected {
+            "the estimator uses the corrected value from now on"
+        } else {
+            "the estimates are wrong until this is corrected"
+        };
+        out(Output::Event(Event {
+            time: now,
+            onset: now,
+            kind: EventKind::Mistake(described.subject.clone()),
+            probability: None,
+            load_transfer_ratio: None,
+            text: format!(
+                "the configuration contradicts the drive: {}: {}; {}; {then}",
+                described.subject, described.cause, described.remedy
+            ),
+        }));
+        if let Some(watch) = &mut self.mistakes {
+            watch.found.push(FoundMistake {
+                time: now,
+                judged,
+                corrected,
+            });
+            watch.ended |= !corrected;
+        }
+        self.begin_again();
+    }
+
+    /// Value of one count of each axial channel, N.
+    pub(super) fn count_n(&self) -> [f64; CHANNELS] {
+        std::array::from_fn(|at| {
+            let (wheel, channel) = channel_of(at);
+            self.unloaded_calibration.corners.0[wheel].strain[channel.index()].gain
+        })
+    }
+
+    /// Corrects the configuration; `None` if the drive does not tell how, or not well enough.
+    fn correct(&mut self, judged: &Judged) -> Option<()> {
+        let t = self.settings.tuning.mistakes;
+        let three = |values: &[f64]| Vector3::new(values[0], values[1], values[2]);
+        match judged.hypothesis {
+            Hypothesis::Zeros => {
+                for at in 0..CHANNELS {
+                    self.shift_zero(at, judged.value[at], judged.sigma[at]);
+                }
+            }
+            Hypothesis::Offset(at) => self.shift_zero(at, judged.value[0], judged.sigma[0]),
+            Hypothesis::Gain(at) => {
+                let gain = judged.usual_gain(t.gain_known);
+                self.change_channel(at, |channel| match gain {
+                    Some(gain) => {
+                        channel.gain /= gain;
+                        channel.noise_sigma /= gain.abs();
+                    }
+                    None => channel.dead = true,
+                });
+            }
+            Hypothesis::Exchanged(wheel, [a, b]) => {
+                self.mistakes.as_mut()?.members[wheel].swap(a, b);
+                self.change_calibrations(|c| {
+                    let strain = &mut c.corners.0[wheel].strain;
+                    let [a, b] = [a, b].map(|i| AXIAL[i].index());
+                    let offset = strain[a].offset_counts;
+                    strain[a].offset_counts = strain[b].offset_counts;
+                    strain[b].offset_counts = offset;
+                });
+            }
+            Hypothesis::Corners([a, b]) => {
+                self.mistakes.as_mut()?.wheels.swap(a, b);
+                self.change_calibrations(|c| {
+                    for i in 0..AXIAL.len() {
+                        let i = AXIAL[i].index();
+                        let offset = c.corners.0[a].strain[i].offset_counts;
+                        c.corners.0[a].strain[i].offset_counts =
+                            c.corners.0[b].strain[i].offset_counts;
+                        c.corners.0[b].strain[i].offset_counts = offset;
+                    }
+                    let offset = c.corners.0[a].deflection.offset_counts;
+                    c.corners.0[a].deflection.offset_counts =
+                        c.corners.0[b].deflection.offset_counts;
+                    c.corners.0[b].deflection.offset_counts = offset;
+                });
+            }
+            Hypothesis::Payload => self.add_payload(judged)?,
+            Hypothesis::Tilted(axis) => {
+                let turn = Rotation3::new(Vector3::ith(axis, -judged.value[0]));
+                self.turn_imu(*turn.matrix());
+            }
+            Hypothesis::Turned(k) => self.turn_imu(right_angles(k + 1).transpose()),
+            Hypothesis::Moved => {
+                let by = three(&judged.value);
+                self.change_calibrations(|c| c.imu_m += by);
+                self.place_antennas();
+            }
+            Hypothesis::Unit(is_large) => {
+                let factor = if is_large {
+                    1.0 / sample::STANDARD_GRAVITY_M_S2
+                } else {
+                    sample::STANDARD_GRAVITY_M_S2
+                };
+                self.mistakes.as_mut()?.scale *= factor;
+                self.motion.begin_again();
+            }
+            Hypothesis::Hitched | Hypothesis::Strut(_) => return None,
+        }
+        Some(())
+    }
+
+    fn change_calibrations(&mut self, mut change: impl FnMut(&mut Resolved)) {
+        change(&mut self.calibration);
+        change(&mut self.unloaded_calibration);
+    }
+
+    fn change_channel(&mut self, at: usize, mut change: impl FnMut(&mut Channel)) {
+        let (wheel, channel) = channel_of(at);
+        self.change_calibrations(|c| change(&mut c.corners.0[wheel].strain[channel.index()]));
+    }
+
+    /// Shifts the zero of an axial channel whose reading is too large by `by_n`.
+    fn shift_zero(&mut self, at: usize, by_n: f64, sigma_n: f64) {
+        self.change_channel(at, |channel| {
+            channel.offset_counts += by_n / channel.gain;
+            channel.offset_sigma = sigma_n;
+        });
+    }
+
+    fn turn_imu(&mut self, turn: Matrix3<f64>) {
+        self.change_calibrations(|c| c.body_from_imu = turn * c.body_from_imu);
+        self.motion.begin_again();
+    }
+
+    fn place_antennas(&mut self) {
+        let c = &self.calibration;
+        let antennas = [c.velocity_antenna_m, c.attitude_antenna_m];
+        self.motion.place(c.imu_m, antennas);
+    }
+
+    /// Puts the load on the vehicle that the drive has shown.
+    fn add_payload(&mut self, judged: &Judged) -> Option<()> {
+        let body = &self.vehicle.body;
+        let mass_kg = judged.value[0];
+        let [x, y, z] = [1, 2, 3].map(|i| judged.value[i] / mass_kg);
+        self.unloaded.payload.push(Payload {
+            name: FOUND_PAYLOAD.to_owned(),
+            mass_kg,
+            position_m: [
+                x - body.front_axle_to_cg_m,
+                y + body.cg_y_m,
+                (z + body.cg_height_m).max(0.0),
+            ],
+            inertia_kg_m2: [0.0; 3],
+        });
+        self.set_payload(FOUND_PAYLOAD, true).ok()
+    }
+
+    /// Starts the force filter and the search again after a correction.
+    fn begin_again(&mut self) {
+        let (Some(fusion), Some(watch)) = (&mut self.fusion, &mut self.mistakes) else {
+            return;
+        };
+        fusion.begin_again(&self.calibration.corners);
+        let bias_sigma = self.sensors.imu.accel_bias_m_s2;
+        let setup: Setup = fusion.mistake_setup(&self.vehicle, &self.calibration, bias_sigma);
+        Arc::make_mut(&mut watch.evidence).restart(setup);
+        watch.suspected = None;
+    }
+}

@@ -1,0 +1,236 @@
+//! Mistakes of the configuration as hypotheses.
+//!
+//! A wrong configuration contradicts the readings during the whole drive. A [`RelationWindow`] has the relations
+//! between strain channels, struts and the inertial unit as means over half a second. They are linear in what may be
+//! wrong: offsets and gains of channels, exchanged plugs, the mass of the vehicle, the direction of the inertial
+//! unit. The evidence is the information of the drive on all these parameters. Each hypothesis is a distribution
+//! of the parameters before the drive:
+//!
+//! - as configured: each parameter is within the tolerance of a careful workshop
+//! - a mistake: its own parameters are as the mistake makes them, and all others are within their tolerances
+//!
+//! The ratio of the likelihoods, in which the parameters are integrated out, decides (Bayes factor; Kass and Raftery,
+//! J. Am. Stat. Assoc. 90 (1995), 773-795, section 3).
+
+mod evidence;
+mod hypotheses;
+mod layout;
+mod linear;
+mod texts;
+
+use crate::fusion::relations::{CHANNELS, RelationWindow};
+use crate::tuning::MistakeTuning;
+
+use evidence::Evidence;
+pub use evidence::Setup;
+pub(crate) use evidence::right_angles;
+pub use hypotheses::Hypothesis;
+use layout::{PAIRS, TOLERATED};
+
+/// Most parameters of a hypothesis.
+const MOST: usize = CHANNELS;
+/// Number of hypotheses.
+const HYPOTHESES: usize = 9 + 2 * CHANNELS + 4 * PAIRS.len() + 6 + layout::ROTATIONS + 4;
+
+/// What the drive says of a hypothesis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judged {
+    /// The hypothesis.
+    pub hypothesis: Hypothesis,
+    /// Natural logarithm of the ratio of its likelihood to that of the configuration.
+    pub ratio: f64,
+    /// Its parameters; SI units.
+    pub value: [f64; MOST],
+    /// Their standard deviations.
+    pub sigma: [f64; MOST],
+}
+
+/// The evidence of a drive.
+#[derive(Clone, Debug)]
+pub struct Mistakes {
+    tuning: MistakeTuning,
+    evidence: Evidence,
+    /// Hypotheses, the likeliest first.
+    judged: Vec<Judged>,
+    /// Windows that did not contradict the configuration.
+    agreeing: u32,
+}
+
+impl Mistakes {
+    /// No evidence yet.
+    #[must_use]
+    pub fn new(setup: Setup, tuning: &MistakeTuning) -> Self {
+        Self {
+            tuning: *tuning,
+            evidence: Evidence::new(setup, *tuning),
+            judged: Vec::with_capacity(HYPOTHESES),
+            agreeing: 0,
+        }
+    }
+
+    /// Begins again, for a configuration that was corrected.
+    pub fn restart(&mut self, setup: Setup) {
+        self.evidence = Evidence::new(setup, self.tuning);
+        self.judged.clear();
+        self.agreeing = 0;
+    }
+
+    /// Takes a window. Returns a mistake that is now certain.
+    pub fn take(&mut self, window: &RelationWindow) -> Option<Judged> {
+        let t = &self.tuning;
+        let on_ground = window.least_load.iter().all(|part| *part > t.load_min_part);
+        if !on_ground || window.speed.abs() < t.speed_min_m_s {
+            return None;
+        }
+        let square = self.evidence.take(window)?;
+        self.agreeing += u32::from(square < t.agreeing_square);
+        if !self.evidence.windows.is_multiple_of(t.decide_windows) {
+            return None;
+        }
+        self.judge();
+        self.certain()
+    }
+
+    /// The hypotheses at the last decision, the likeliest first.
+    #[must_use]
+    pub fn judged(&self) -> &[Judged] {
+        &self.judged
+    }
+
+    /// Windows that were used.
+    #[must_use]
+    pub fn windows(&self) -> u32 {
+        self.evidence.windows
+    }
+
+    /// Whether the drive has said that the configuration is right.
+    #[must_use]
+    pub fn is_agreed(&self) -> bool {
+        self.agreeing >= self.tuning.agreeing_windows
+    }
+
+    /// Whether a mistake is likely that is not certain yet.
+    #[must_use]
+    pub fn is_suspected(&self) -> bool {
+        let best = self.judged.first();
+        best.is_some_and(|best| best.ratio > self.tuning.suspect_ratio)
+    }
+
+    fn certain(&self) -> Option<Judged> {
+        let t = &self.tuning;
+        let best = self.judged.first()?;
+        let next = self
+            .judged
+            .get(1)
+            .map_or(f64::NEG_INFINITY, |next| next.ratio);
+        (best.ratio > t.report_ratio && best.ratio - next > t.lead_ratio).then_some(*best)
+    }
+
+    /// Weighs all hypotheses.
+    fn judge(&mut self) {
+        self.judged.clear();
+        if self.evidence.update().is_some() {
+            for hypothesis in hypotheses::all() {
+                self.judged.extend(self.weigh(hypothesis));
+            }
+        }
+        self.judged
+            .sort_unstable_by(|a, b| b.ratio.total_cmp(&a.ratio));
+    }
+
+    /// Ratio of likelihoods of a hypothesis, with all other parameters integrated out.
+    fn weigh(&self, hypothesis: Hypothesis) -> Option<Judged> {
+        let prior = hypothesis.prior(&self.evidence.setup, &self.tuning);
+        let at = &prior.parameters[..prior.count];
+        let n = at.len();
+        let mut likelihood = Likelihood {
+            n,
+            information: [0.0; MOST * MOST],
+            vector: [0.0; MOST],
+        };
+        let mut configured = 0.0;
+        if at[0] < TOLERATED {
+            let e = &self.evidence;
+            let mut own = [0.0; MOST * MOST];
+            for (k, value) in own[..n * n].iter_mut().enumerate() {
+                *value = e.covariance(at[k / n], at[k % n]);
+            }
+            linear::factor(&mut own, n)?;
+            linear::invert(&own, n, &mut likelihood.information);
+            let mean: [f64; MOST] =
+                std::array::from_fn(|i| at.get(i).map_or(0.0, |at| e.mean(*at)));
+            let rows = likelihood.information.chunks_exact(n);
+            for (value, row) in likelihood.vector.iter_mut().zip(rows.take(n)) {
+                *value = linear::dot(row, &mean);
+            }
+            let tolerance: [f64; MOST] =
+                std::array::from_fn(|i| at.get(i).map_or(1.0, |at| e.sigma[*at]));
+            for i in 0..n {
+                likelihood.information[i * n + i] -= tolerance[i].powi(-2);
+            }
+            configured = likelihood.integrated(&[0.0; MOST], &tolerance)?.ratio;
+        } else {
+            let Likelihood {
+                information,
+                vector,
+                ..
+            } = &mut likelihood;
+            self.evidence.reduced(at, information, vector);
+        }
+        let found = likelihood.integrated(&prior.mean, &prior.sigma)?;
+        Some(Judged {
+            hypothesis,
+            ratio: found.ratio - configured,
+            value: found.value,
+            sigma: found.sigma,
+        })
+    }
+}
+
+/// The likelihood exp(v'p - p'I p/2) of the parameters p of a hypothesis.
+struct Likelihood {
+    n: usize,
+    information: [f64; MOST * MOST],
+    vector: [f64; MOST],
+}
+
+/// A likelihood integrated over a distribution of its parameters.
+struct Integrated {
+    /// Its natural logarithm.
+    ratio: f64,
+    value: [f64; MOST],
+    sigma: [f64; MOST],
+}
+
+impl Likelihood {
+    /// Integrates over a normal distribution of independent parameters.
+    fn integrated(&self, mean: &[f64; MOST], sigma: &[f64; MOST]) -> Option<Integrated> {
+        let n = self.n;
+        let mut total = self.information;
+        let mut value = [0.0; MOST];
+        let mut before = 0.0;
+        for i in 0..n {
+            let precision = sigma[i].powi(-2);
+            total[i * n + i] += precision;
+            value[i] = self.vector[i] + precision * mean[i];
+            before += precision * mean[i] * mean[i];
+        }
+        let sum = value;
+        linear::factor(&mut total, n)?;
+        linear::solve(&total, n, &mut value[..n]);
+        let spread: f64 = (0..n).map(|i| math::ln(total[i * n + i] * sigma[i])).sum();
+        let mut inverse = [0.0; MOST * MOST];
+        linear::invert(&total, n, &mut inverse);
+        Some(Integrated {
+            ratio: 0.5 * (linear::dot(&sum[..n], &value[..n]) - before) - spread,
+            value,
+            sigma: std::array::from_fn(|i| {
+                if i < n {
+                    inverse[i * n + i].sqrt()
+                } else {
+                    0.0
+                }
+            }),
+        })
+    }
+}

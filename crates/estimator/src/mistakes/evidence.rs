@@ -1,0 +1,393 @@
+//! Evidence for mistakes: the information of a drive on what may be wrong.
+//!
+//! Each window gives rows z = G u + H p + noise with unknown forces u and parameters p. The covariance G P G' + R
+//! of what is unknown whitens the rows. What remains is information on p.
+
+use nalgebra::{Matrix3, Vector3};
+use sample::STANDARD_GRAVITY_M_S2;
+
+use super::layout::{
+    BIAS, CORNERS, EXCHANGED, GAIN, HEIGHT, HITCH, LEVER, LOST, MASS, OFFSET, PAIRS, PRELOAD, RATE,
+    ROTATIONS, SCALE, SHAPE, SIZE, TILT, TOLERATED, TURNED, WHEELS,
+};
+use super::linear;
+use crate::fusion::relations::{
+    ACCEL_ROW, CHANNELS, ROWS, RelationWindow, STRUT_ROW, TURN_ROW, UNKNOWNS,
+};
+use crate::statics::AXIAL;
+use crate::tuning::MistakeTuning;
+
+/// What the evidence needs of the vehicle and of the sensors.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Inverse of the inertia, 1/(kg m^2).
+    pub inverse: Matrix3<f64>,
+    /// Inertial unit from the centre of gravity, m.
+    pub imu_m: Vector3<f64>,
+    /// Hitch from the centre of gravity, m.
+    pub hitch_m: Vector3<f64>,
+    /// Radius of each tyre, m.
+    pub radius_m: [f64; 4],
+    /// Standard deviation of the offset of each axial channel, N.
+    pub offset_sigma_n: [f64; CHANNELS],
+    /// Value of one count of each axial channel, N.
+    pub count_n: [f64; CHANNELS],
+    /// Standard deviation of the bias of the accelerometers, m/s^2.
+    pub bias_sigma_m_s2: f64,
+}
+
+/// Information on the parameters. Matrices are in rows.
+#[derive(Clone, Debug)]
+pub(super) struct Evidence {
+    tuning: MistakeTuning,
+    pub(super) setup: Setup,
+    /// Standard deviations of the tolerated parameters.
+    pub(super) sigma: [f64; TOLERATED],
+    /// Upper triangle.
+    information: Vec<f64>,
+    vector: Vec<f64>,
+    /// Gains of the parameters on the rows of a window.
+    gains: Vec<f64>,
+    /// Covariance and means of the tolerated parameters.
+    covariance: Vec<f64>,
+    mean: Vec<f64>,
+    scratch: Vec<f64>,
+    /// Bias of the accelerometers that the motion filter has learnt, and its standard deviation, m/s^2.
+    learnt_bias: [Vector3<f64>; 2],
+    pub(super) windows: u32,
+}
+
+impl Evidence {
+    pub(super) fn new(setup: Setup, tuning: MistakeTuning) -> Self {
+        Self {
+            sigma: std::array::from_fn(|at| tolerance(at, &setup, &tuning)),
+            tuning,
+            setup,
+            information: vec![0.0; SIZE * SIZE],
+            vector: vec![0.0; SIZE],
+            gains: vec![0.0; ROWS * SIZE],
+            covariance: vec![0.0; TOLERATED * TOLERATED],
+            mean: vec![0.0; TOLERATED],
+            scratch: vec![0.0; TOLERATED * TOLERATED],
+            learnt_bias: [Vector3::zeros(), Vector3::repeat(f64::INFINITY)],
+            windows: 0,
+        }
+    }
+
+    /// Takes a window. Returns the mean square of its normalised residuals, as configured.
+    pub(super) fn take(&mut self, window: &RelationWindow) -> Option<f64> {
+        let t = self.tuning;
+        let mut factor = covariance_of_rows(window, &self.setup, &t);
+        linear::factor(&mut factor, ROWS)?;
+        let expected = expected_members(&factor, window);
+        self.fill(window, &expected);
+        let mut value = window.value;
+        linear::forward(&factor, ROWS, &mut value);
+        whiten(&mut self.gains, &factor);
+        let rows = self.gains.chunks_exact(SIZE).zip(value);
+        let residuals = rows.map(|(row, value)| value - linear::dot(&row[..TOLERATED], &self.mean));
+        let square = residuals.map(|r| r * r).sum::<f64>() / ROWS as f64;
+        let weight = t.independent * (t.square_max / square).min(1.0);
+        if !weight.is_finite() {
+            return None;
+        }
+        for (row, value) in self.gains.chunks_exact(SIZE).zip(value) {
+            for (i, gain) in row.iter().enumerate().filter(|(_, gain)| **gain != 0.0) {
+                let to = &mut self.information[i * SIZE + i..(i + 1) * SIZE];
+                linear::add(to, weight * gain, &row[i..]);
+            }
+            linear::add(&mut self.vector, weight * value, row);
+        }
+        self.learnt_bias = window.learnt_bias;
+        self.windows += 1;
+        Some(square)
+    }
+
+    /// Gains of all parameters on the rows.
+    fn fill(&mut self, window: &RelationWindow, expected_n: &[f64; CHANNELS]) {
+        let gains = &mut self.gains;
+        gains.fill(0.0);
+        let mut put = |row: usize, column: usize, gain: f64| gains[row * SIZE + column] = gain;
+        let read = &window.member_n;
+        for at in 0..CHANNELS {
+            let wheel = at / AXIAL.len();
+            put(at, OFFSET + at, 1.0);
+            put(at, GAIN + at, read[at]);
+            for axis in 0..3 {
+                put(at, SHAPE + 3 * at + axis, window.force_n[3 * wheel + axis]);
+            }
+            put(at, LOST + at, -expected_n[at]);
+        }
+        for wheel in 0..4 {
+            let row = STRUT_ROW + wheel;
+            let per_force = 1.0 / window.strut_mass_kg[wheel];
+            put(row, PRELOAD + wheel, per_force);
+            put(row, RATE + wheel, per_force * window.spring_n[wheel]);
+            for (k, [first, second]) in PAIRS.into_iter().enumerate() {
+                let [first, second] = [first, second].map(|i| AXIAL.len() * wheel + i);
+                let column = EXCHANGED + PAIRS.len() * wheel + k;
+                put(first, column, read[first] - read[second]);
+                put(second, column, read[second] - read[first]);
+            }
+        }
+        for (k, [first, second]) in WHEELS.into_iter().enumerate() {
+            let column = CORNERS + k;
+            for [own, other] in [[first, second], [second, first]] {
+                for i in 0..AXIAL.len() {
+                    let [own, other] = [own, other].map(|wheel| AXIAL.len() * wheel + i);
+                    put(own, column, read[own] - read[other]);
+                }
+                let more = window.spring_n[other] - window.spring_n[own];
+                put(STRUT_ROW + own, column, more / window.strut_mass_kg[own]);
+            }
+        }
+        self.fill_body(window);
+    }
+
+    /// Gains on the balances: what a parameter adds to the sum of forces, N, and to the angular acceleration,
+    /// rad/s^2.
+    fn fill_body(&mut self, window: &RelationWindow) {
+        let Setup {
+            mass_kg,
+            inverse,
+            imu_m,
+            hitch_m,
+            ..
+        } = self.setup;
+        let force = window.specific_force_m_s2;
+        let gains = &mut self.gains;
+        let mut put = |column: usize, push: Vector3<f64>, turn: Vector3<f64>| {
+            let push = push + mass_kg * turn.cross(&imu_m);
+            for axis in 0..3 {
+                gains[(ACCEL_ROW + axis) * SIZE + column] = push[axis];
+                gains[(TURN_ROW + axis) * SIZE + column] = turn[axis];
+            }
+        };
+        let none = Vector3::zeros();
+        put(MASS, -force, none);
+        put(SCALE, mass_kg * force, none);
+        for axis in 0..3 {
+            let unit = Vector3::ith(axis, 1.0);
+            put(MASS + 1 + axis, none, -inverse * unit.cross(&force));
+            put(BIAS + axis, mass_kg * unit, none);
+            put(TILT + axis, mass_kg * unit.cross(&force), none);
+            put(LEVER + axis, mass_kg * window.lever * unit, none);
+            put(HITCH + axis, unit, inverse * hitch_m.cross(&unit));
+        }
+        let towed = Vector3::new(-force.x, 0.0, 0.0);
+        put(HITCH + 3, towed, inverse * hitch_m.cross(&towed));
+        for k in 0..ROTATIONS {
+            let turned = force - right_angles(k + 1).transpose() * force;
+            put(TURNED + k, mass_kg * turned, none);
+        }
+    }
+
+    /// Updates covariance and means of the tolerated parameters.
+    pub(super) fn update(&mut self) -> Option<()> {
+        let n = TOLERATED;
+        for i in 0..n {
+            for j in 0..=i {
+                self.scratch[i * n + j] = self.information[j * SIZE + i];
+            }
+            self.scratch[i * n + i] += self.sigma[i].powi(-2);
+        }
+        let learnt = self.learnt_vector();
+        linear::factor(&mut self.scratch, n)?;
+        linear::invert(&self.scratch, n, &mut self.covariance);
+        for (mean, row) in self.mean.iter_mut().zip(self.covariance.chunks_exact(n)) {
+            let tilted = learnt.iter().map(|(at, value)| row[*at] * value);
+            *mean = linear::dot(row, &self.vector[..n]) + tilted.sum::<f64>();
+        }
+        Some(())
+    }
+
+    /// Adds the information that the motion filter's bias has on bias and direction of the accelerometers: on level
+    /// ground, a unit that leans reads a part of gravity. Returns its part of the vector by parameter.
+    fn learnt_vector(&mut self) -> [(usize, f64); 4] {
+        let g = STANDARD_GRAVITY_M_S2;
+        let [bias, sigma] = self.learnt_bias;
+        // The bias along x is that of the sensor and g times the turn about y; along y, the turn about x.
+        let rows = [(0, TILT + 1, g), (1, TILT, -g)];
+        let parts = rows.map(|(axis, tilt, gain)| {
+            let least = self.tuning.learnt_bias_sigma_m_s2;
+            let weight = 1.0 / (sigma[axis] * sigma[axis] + least * least);
+            let (bias_at, n) = (BIAS + axis, TOLERATED);
+            self.scratch[bias_at * n + bias_at] += weight;
+            self.scratch[tilt * n + bias_at] += weight * gain;
+            self.scratch[tilt * n + tilt] += weight * gain * gain;
+            let value = weight * bias[axis];
+            [(bias_at, value), (tilt, gain * value)]
+        });
+        let [[a, b], [c, d]] = parts;
+        [a, b, c, d]
+    }
+
+    /// Mean of a tolerated parameter.
+    pub(super) fn mean(&self, at: usize) -> f64 {
+        self.mean[at]
+    }
+
+    /// Covariance of two tolerated parameters.
+    pub(super) fn covariance(&self, i: usize, j: usize) -> f64 {
+        self.covariance[i * TOLERATED + j]
+    }
+
+    /// Information on parameters that are not tolerated, with the tolerated ones integrated out.
+    pub(super) fn reduced(&self, at: &[usize], information: &mut [f64], vector: &mut [f64]) {
+        let n = at.len();
+        let mut through = [0.0; TOLERATED];
+        for (i, own) in at.iter().enumerate() {
+            let cross = |at: usize, k: usize| self.information[k * SIZE + at];
+            let rows = self.covariance.chunks_exact(TOLERATED);
+            for (sum, row) in through.iter_mut().zip(rows) {
+                *sum = (row.iter().enumerate())
+                    .map(|(k, value)| value * cross(*own, k))
+                    .sum();
+            }
+            for (j, other) in at.iter().enumerate() {
+                let both = self.information[own.min(other) * SIZE + own.max(other)];
+                let known: f64 = (through.iter().enumerate())
+                    .map(|(k, value)| value * cross(*other, k))
+                    .sum();
+                information[i * n + j] = both - known;
+            }
+            let known = self.mean.iter().enumerate();
+            vector[i] =
+                self.vector[*own] - known.map(|(k, mean)| mean * cross(*own, k)).sum::<f64>();
+        }
+    }
+}
+
+/// Covariance of the rows with the unknowns integrated out.
+fn covariance_of_rows(
+    window: &RelationWindow,
+    setup: &Setup,
+    t: &MistakeTuning,
+) -> [f64; ROWS * ROWS] {
+    let tilted_n_m = tilted_moments(window, setup);
+    let mut sum = [0.0; ROWS * ROWS];
+    let unknown: [f64; UNKNOWNS] =
+        std::array::from_fn(|k| unknown_sigma(window, k, &tilted_n_m, t));
+    for i in 0..ROWS {
+        let scaled: [f64; UNKNOWNS] =
+            std::array::from_fn(|k| window.gains[i][k] * unknown[k] * unknown[k]);
+        for j in 0..=i {
+            sum[i * ROWS + j] = linear::dot(&scaled, &window.gains[j]);
+        }
+        sum[i * ROWS + i] += row_variance(window, i, setup, &tilted_n_m, t);
+    }
+    sum
+}
+
+/// The member forces that all other rows tell, N.
+fn expected_members(factor: &[f64; ROWS * ROWS], window: &RelationWindow) -> [f64; CHANNELS] {
+    let mut inverse = [0.0; ROWS * ROWS];
+    linear::invert(factor, ROWS, &mut inverse);
+    std::array::from_fn(|at| {
+        let row = &inverse[at * ROWS..(at + 1) * ROWS];
+        window.member_n[at] - linear::dot(row, &window.value) / row[at]
+    })
+}
+
+/// Solves L X = H in place.
+fn whiten(gains: &mut [f64], factor: &[f64; ROWS * ROWS]) {
+    for i in 0..ROWS {
+        let (before, from) = gains.split_at_mut(i * SIZE);
+        let row = &mut from[..SIZE];
+        for (k, known) in before.chunks_exact(SIZE).enumerate() {
+            linear::add(row, -factor[i * ROWS + k], known);
+        }
+        let scale = 1.0 / factor[i * ROWS + i];
+        row.iter_mut().for_each(|gain| *gain *= scale);
+    }
+}
+
+/// The rotation by right angles with a number, from 0 (none) to 23.
+pub(crate) fn right_angles(number: usize) -> Matrix3<f64> {
+    let pairs = (0..6).flat_map(|x| (0..6).map(move |y| (x, y)));
+    let axis = |k: usize| Vector3::ith(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 });
+    let mut axes = (pairs.filter(|(x, y)| x / 2 != y / 2)).map(|(x, y)| (axis(x), axis(y)));
+    let (x, y) = axes.nth(number).unwrap_or((Vector3::x(), Vector3::y()));
+    Matrix3::from_columns(&[x, y, x.cross(&y)])
+}
+
+/// Moment of each load about the wheel's centre by a ground's normal that is not known, N m.
+fn tilted_moments(window: &RelationWindow, setup: &Setup) -> [f64; 4] {
+    std::array::from_fn(|wheel| {
+        let load_n = window.force_n[3 * wheel + 2].max(0.0);
+        window.tilt_rad * load_n * setup.radius_m[wheel]
+    })
+}
+
+/// Variance of what changes in a row from window to window.
+fn row_variance(
+    window: &RelationWindow,
+    row: usize,
+    setup: &Setup,
+    tilted_n_m: &[f64; 4],
+    t: &MistakeTuning,
+) -> f64 {
+    /// Of a row without reading.
+    const ABSENT: f64 = 1e18;
+    if !window.has(row) {
+        return ABSENT;
+    }
+    let squares = |own: f64, part: f64, density: f64| own * own + part * part * density.max(0.0);
+    match row {
+        0..STRUT_ROW => squares(
+            t.member_sigma_n,
+            t.road_member,
+            window.roads[row / AXIAL.len()],
+        ),
+        STRUT_ROW..ACCEL_ROW => {
+            let wheel = row - STRUT_ROW;
+            let mass = window.strut_mass_kg[wheel];
+            squares(t.strut_sigma_n, t.road_member, window.roads[wheel]) / (mass * mass)
+        }
+        ACCEL_ROW..TURN_ROW => {
+            squares(setup.mass_kg * t.accel_sigma_m_s2, t.road_body, window.road)
+        }
+        _ => {
+            let axis = row - TURN_ROW;
+            let moments: f64 = tilted_n_m.iter().map(|moment| moment * moment).sum();
+            let tilted = t.tilt_turn * setup.inverse[(axis, axis)];
+            squares(t.turn_sigma_rad_s2, t.road_turn, window.road) + tilted * tilted * moments
+        }
+    }
+}
+
+/// Standard deviation of an unknown before the readings.
+fn unknown_sigma(
+    window: &RelationWindow,
+    unknown: usize,
+    tilted_n_m: &[f64; 4],
+    t: &MistakeTuning,
+) -> f64 {
+    match unknown {
+        0..12 => t.force_sigma_n,
+        12..20 => math::hypot(t.moment_sigma_n_m, tilted_n_m[(unknown - 12) / 2]),
+        20..24 => t.strut_error_n + t.damping_error_n_s_m * window.speed_m_s[unknown - 20].abs(),
+        24..26 => t.torque_sigma_n_m[0],
+        _ => t.torque_sigma_n_m[1],
+    }
+}
+
+/// Standard deviation of a parameter that is no mistake.
+fn tolerance(at: usize, setup: &Setup, t: &MistakeTuning) -> f64 {
+    match at {
+        OFFSET..GAIN => setup.offset_sigma_n[at],
+        GAIN..SHAPE => t.gain_tolerance,
+        SHAPE..PRELOAD => t.shape_tolerance,
+        PRELOAD..RATE => t.preload_tolerance_n,
+        RATE..MASS => t.rate_tolerance,
+        MASS => t.mass_tolerance * setup.mass_kg,
+        HEIGHT => t.height_tolerance_m * setup.mass_kg,
+        MASS..BIAS => t.cg_tolerance_m * setup.mass_kg,
+        BIAS..TILT => setup.bias_sigma_m_s2,
+        TILT..LEVER => t.tilt_tolerance_rad,
+        LEVER..SCALE => t.lever_tolerance_m,
+        _ => t.scale_tolerance,
+    }
+}
