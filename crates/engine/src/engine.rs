@@ -19,7 +19,7 @@ mod utc;
 use std::collections::BTreeSet;
 
 use estimator::smoother::{LAG_STEPS, Smoother};
-use estimator::{Estimator, Output};
+use estimator::{Estimator, MistakeReport, Output};
 use sample::{
     Arrival, Estimate, EventKind, ForceFrame, Health, LogTime, NANOS_PER_SECOND, Notice, Payload,
     Sample, Severity, SourceId,
@@ -320,6 +320,12 @@ impl Engine {
             self.utc_offset = Some(best);
             records.push(Record::UtcOffset(best));
         }
+    }
+
+    /// What the run says of its configuration; `None` without a vehicle with linkages.
+    #[must_use]
+    pub fn mistake_report(&self) -> Option<MistakeReport> {
+        self.estimator.as_ref()?.estimator().mistake_report()
     }
 
     /// What arrived from each source since the start.

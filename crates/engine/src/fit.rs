@@ -8,6 +8,7 @@
 mod at_rest;
 mod columns;
 mod line;
+mod mistakes;
 mod motion;
 mod reference;
 mod roles;
@@ -216,11 +217,15 @@ impl<'c> Fit<'c> {
 pub fn judge_log(reader: &Reader, config: &Config) -> Result<Judgement> {
     let mut fit = Fit::new(config)?;
     let replay = Replay::new(reader, config, ReplayOptions::default())?;
-    replay.run(|entry| {
+    let done = replay.run(|entry| {
         if let Entry::Record(record) = &entry {
             fit.push(record);
         }
         Ok::<_, Error>(())
     })?;
-    Ok(fit.judge())
+    let mut judgement = fit.judge();
+    if let Some(report) = &done.mistakes {
+        mistakes::judge(report, &mut judgement);
+    }
+    Ok(judgement)
 }

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::vec::IntoIter;
 
+use estimator::MistakeReport;
 use sample::{Arrival, LogTime, Payload};
 use store::{LogWriter, Missing, Options, Reader, Record, Selection, Session, Stage};
 
@@ -47,6 +48,8 @@ pub struct Replayed {
     pub missing: Vec<Missing>,
     /// Whether closed files were changed later; only a verification checks this.
     pub changed: bool,
+    /// What the run says of its configuration; `None` without a vehicle with linkages.
+    pub mistakes: Option<MistakeReport>,
     /// Result of the verification, if it was requested.
     pub verification: Option<Verification>,
 }
@@ -197,6 +200,7 @@ impl<'r> Replay<'r> {
         }
         done.during_silence = self.during_silence();
         self.finish_engines()?;
+        done.mistakes = self.engine.mistake_report();
         if let Some(truth) = &mut truth {
             truth.until(END, &mut sink)?;
         }

@@ -41,7 +41,7 @@ use crate::waiting::{Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 pub(crate) use lagged::LAG_STEPS;
-pub use mistakes::FoundMistake;
+pub use mistakes::{CalibrationChanges, FoundMistake, MistakeReport};
 pub use placement::WheelPlacement;
 
 use events::Divergence;

@@ -55,7 +55,9 @@ pub use {model, sample};
 
 pub use calibration::Calibration;
 pub use error::EstimatorError;
-pub use estimator::{Estimator, FoundMistake, Output, WheelPlacement};
+pub use estimator::{
+    CalibrationChanges, Estimator, FoundMistake, MistakeReport, Output, WheelPlacement,
+};
 pub use grid::GRID_NANOS;
 pub use settings::{Input, Method, Settings};
 pub use tuning::Tuning;

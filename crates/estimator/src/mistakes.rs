@@ -26,6 +26,7 @@ pub use evidence::Setup;
 pub(crate) use evidence::right_angles;
 pub use hypotheses::Hypothesis;
 use layout::{PAIRS, TOLERATED};
+pub use texts::Described;
 
 /// Most parameters of a hypothesis.
 const MOST: usize = CHANNELS;

@@ -25,6 +25,11 @@ pub enum IdentifyCommand {
     Response(ResponseArgs),
     /// Friction coefficient between tyres and ground (up to the limit of grip).
     Friction(IdentifyArgs),
+    /// Mistakes of the configuration: offsets, gains, exchanged plugs, load, inertial unit.
+    ///
+    /// The raw data is estimated again. Each mistake is compared with "all is as configured"; the ratio of their
+    /// likelihoods over the drive decides.
+    Mistakes(IdentifyMistakesArgs),
     /// Tyre parameters, yaw inertia, gains and offsets for a car without suspension sensors.
     ///
     /// The result is for the estimate of the sideslip angle.
@@ -52,6 +57,26 @@ pub struct IdentifyArgs {
     /// Seed of the bootstrap that gives the confidence intervals.
     #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
+}
+
+/// `atvrec identify mistakes`.
+#[derive(Debug, Args)]
+pub struct IdentifyMistakesArgs {
+    /// Logs of one run, in the order in which they were recorded.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Use this configuration instead of the one in the log.
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Write the corrected calibration to this TOML file. What a calibration cannot contain is in its comments.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// Output of the results.

@@ -1,6 +1,7 @@
 //! `atvrec identify`: identify parameters of the vehicle from logs of drives.
 
 mod handling;
+mod mistakes;
 mod outputs;
 
 use engine::{Window, read_drive, read_swing, vehicle_file, vehicle_of};
@@ -53,6 +54,7 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
         }
         IdentifyCommand::Friction(args) => (in_drive(args, &Method::Friction)?, &args.output),
         IdentifyCommand::Handling(args) => return handling::run(args),
+        IdentifyCommand::Mistakes(args) => return mistakes::run(args),
     };
     outputs.write(&found)?;
     findings::print(&found.identified.results, output.json)?;

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use model::vehicle::{Payload, Vehicle};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use sample::{CornerSample, Event, EventKind, LogTime, Wheel};
+use sample::{CornerSample, Event, EventKind, LogTime, StrainChannel, Wheel};
 
 use super::{Estimator, Output};
-use crate::calibration::{Channel, Resolved};
+use crate::Calibration;
+use crate::calibration::{Channel, ChannelCalibration, Resolved};
 use crate::fusion::Fusion;
 use crate::fusion::relations::{CHANNELS, channel_of};
-use crate::mistakes::{Hypothesis, Judged, Mistakes, Setup, right_angles};
+use crate::mistakes::{Described, Hypothesis, Judged, Mistakes, Setup, right_angles};
 use crate::statics::AXIAL;
 use crate::tuning::MistakeTuning;
 
@@ -28,12 +29,62 @@ pub struct FoundMistake {
     pub corrected: bool,
 }
 
+/// What a drive says of the configuration.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MistakeReport {
+    /// Mistakes that it has proved.
+    pub found: Vec<(FoundMistake, Described)>,
+    /// The mistake that is likeliest after these, and the logarithm of its ratio of likelihoods.
+    pub likeliest: Option<(Described, f64)>,
+    /// Driving time that was used since the last correction, s.
+    pub used_s: f64,
+    /// Corrections of the calibration.
+    pub changes: CalibrationChanges,
+    /// Load to add to the vehicle file.
+    pub payload: Option<Payload>,
+}
+
+impl MistakeReport {
+    /// Manoeuvre that decides, for a drive that is too short or too quiet.
+    #[must_use]
+    pub const fn manoeuvre(&self) -> &'static str {
+        "drive for a minute at 5 m/s or faster with all wheels on the ground: slalom, then accelerate and brake firmly"
+    }
+}
+
+/// Corrections of a calibration file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CalibrationChanges {
+    channels: Vec<(Wheel, StrainChannel, ChannelCalibration)>,
+    misalignment_rad: Option<[f64; 3]>,
+    imu_m: Option<[f64; 3]>,
+}
+
+impl CalibrationChanges {
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Applies them.
+    pub fn apply(&self, calibration: &mut Calibration) {
+        for (wheel, channel, change) in &self.channels {
+            let corner = calibration.corner.entry(*wheel).or_default();
+            *corner.strain.entry(*channel).or_default() = *change;
+        }
+        let imu = &mut calibration.imu;
+        imu.misalignment_rad = self.misalignment_rad.or(imu.misalignment_rad);
+        imu.position_m = self.imu_m.or(imu.position_m);
+    }
+}
+
 /// The search for mistakes of the configuration.
 #[derive(Clone, Debug)]
 pub(super) struct MistakeWatch {
     /// Shared by copies of the estimator until it changes.
     evidence: Arc<Mistakes>,
-    found: Vec<FoundMistake>,
+    found: Vec<(FoundMistake, Described)>,
     /// Member that each axial channel of a corner measures.
     members: [[usize; AXIAL.len()]; 4],
     /// Wheel that the channels of a corner belong to.
@@ -93,10 +144,67 @@ impl MistakeWatch {
 }
 
 impl Estimator {
-    /// Mistakes of the configuration that the drive has proved so far.
+    /// What the drive says of the configuration so far; `None` for a vehicle without linkages.
     #[must_use]
-    pub fn mistakes_found(&self) -> &[FoundMistake] {
-        self.mistakes.as_ref().map_or(&[], |watch| &watch.found)
+    pub fn mistake_report(&self) -> Option<MistakeReport> {
+        let watch = self.mistakes.as_ref()?;
+        let count_n = self.count_n();
+        let words = |judged: &Judged| judged.describe(&self.vehicle, &count_n);
+        let evidence = &watch.evidence;
+        Some(MistakeReport {
+            found: watch.found.clone(),
+            likeliest: evidence
+                .judged()
+                .first()
+                .map(|best| (words(best), best.ratio)),
+            used_s: f64::from(evidence.windows()) * self.settings.tuning.mistakes.window_s,
+            changes: self.calibration_changes(&watch.found),
+            payload: self
+                .unloaded
+                .payload
+                .iter()
+                .find(|load| load.name == FOUND_PAYLOAD)
+                .cloned(),
+        })
+    }
+
+    fn calibration_changes(&self, found: &[(FoundMistake, Described)]) -> CalibrationChanges {
+        let mut changes = CalibrationChanges::default();
+        let c = &self.unloaded_calibration;
+        for (found, _) in found.iter().filter(|(found, _)| found.corrected) {
+            let channels = match found.judged.hypothesis {
+                Hypothesis::Zeros => 0..CHANNELS,
+                Hypothesis::Offset(at) | Hypothesis::Gain(at) => at..at + 1,
+                Hypothesis::Tilted(_) | Hypothesis::Turned(_) => {
+                    let turned = Rotation3::from_matrix(&c.body_from_imu).inverse();
+                    let (x, y, z) = turned.euler_angles();
+                    changes.misalignment_rad = Some([x, y, z]);
+                    0..0
+                }
+                Hypothesis::Moved => {
+                    changes.imu_m = Some(c.imu_m.into());
+                    0..0
+                }
+                _ => 0..0,
+            };
+            for at in channels {
+                let (wheel, channel) = channel_of(at);
+                let known = &c.corners.0[wheel].strain[channel.index()];
+                let change = ChannelCalibration {
+                    offset_counts: Some(known.offset_counts),
+                    offset_sigma_counts: Some((known.offset_sigma / known.gain).abs()),
+                    gain_per_count: Some(known.gain),
+                    dead: known.dead,
+                    ..ChannelCalibration::default()
+                };
+                let wheel = Wheel::ALL[wheel];
+                changes
+                    .channels
+                    .retain(|(w, c, _)| (*w, *c) != (wheel, channel));
+                changes.channels.push((wheel, channel, change));
+            }
+        }
+        changes
     }
 
     /// The evidence for mistakes, of a vehicle with linkages.
@@ -140,11 +248,12 @@ impl Estimator {
             ),
         }));
         if let Some(watch) = &mut self.mistakes {
-            watch.found.push(FoundMistake {
+            let found = FoundMistake {
                 time: now,
                 judged,
                 corrected,
-            });
+            };
+            watch.found.push((found, described));
             watch.ended |= !corrected;
         }
         self.begin_again();

@@ -146,10 +146,11 @@ fn watched(
             );
         }
     }
-    let found = estimator
-        .mistakes_found()
+    let report = estimator.mistake_report().unwrap();
+    let found = report
+        .found
         .first()
-        .map_or(3.0, |f| f.time.seconds_since(sensing::START));
+        .map_or(3.0, |(f, _)| f.time.seconds_since(sensing::START));
     let late = |estimates: &[sample::Estimate]| {
         let kept = estimates
             .iter()

@@ -27,7 +27,7 @@ impl Outputs {
             IdentifyCommand::Inertia(args) => inputs(&args.shared),
             IdentifyCommand::Response(args) => inputs(&args.shared),
             IdentifyCommand::RollCentre(args) => (&[][..], Some(&args.vehicle), &args.output),
-            IdentifyCommand::Handling(_) => {
+            IdentifyCommand::Handling(_) | IdentifyCommand::Mistakes(_) => {
                 return Ok(Self {
                     values: None,
                     page: None,
