@@ -50,7 +50,9 @@ def problems(document: Path, entries: list[Entry]) -> list[str]:
     named = {"figure": set(), "table": set()}
     for row in rows:
         for cell in row:
-            for kind, numbers in re.findall(r"(figure|table)s? ((?:\d+\.\d+(?:-\d+\.\d+)?(?:, | and )?)+)", cell):
+            for kind, numbers in re.findall(
+                r"(figure|table)s? ((?:\d+\.\d+(?:-\d+\.\d+)?(?:, | and )?)+)", cell
+            ):
                 named[kind] |= listed(numbers)
     for kind, numbers in have.items():
         found += [f"{kind} {n} is in no row" for n in sorted(numbers - named[kind])]

@@ -40,6 +40,7 @@ POINTS_MAX = 440
 plt.rcParams.update(
     {
         "svg.fonttype": "none",
+        "figure.max_open_warning": 0,
         "font.family": "DejaVu Sans",
         "font.size": 9.0,
         "axes.titlesize": 9.0,
@@ -129,12 +130,21 @@ def svg(drawn: Any, number: str, label: str) -> str:
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
     prefix = "g" + number.replace(".", "-") + "-"
-    text = re.sub(r'\sid="(figure|axes|patch|line2d|text|matplotlib|xtick|ytick|legend|PathCollection|LineCollection|QuadMesh|FillBetweenPolyCollection)[^"]*"', "", text)
+    text = re.sub(
+        r'\sid="(figure|axes|patch|line2d|text|matplotlib|xtick|ytick|legend|PathCollection|LineCollection|QuadMesh|FillBetweenPolyCollection)[^"]*"',
+        "",
+        text,
+    )
     text = text.replace(' id="', f' id="{prefix}').replace("url(#", f"url(#{prefix}")
     text = text.replace('xlink:href="#', f'xlink:href="#{prefix}')
     text = re.sub(r"'DejaVu Sans'(, [^;\"]*)?", "'DejaVu Sans', Verdana, sans-serif", text)
     for name, (sentinel, _, _) in COLOURS.items():
         text = text.replace(sentinel, f"var(--{name})")
-    text = re.sub(r'(<svg [^>]*?) width="[^"]*"', r"\1", re.sub(r'(<svg [^>]*?) height="[^"]*"', r"\1", text, count=1), count=1)
+    text = re.sub(
+        r'(<svg [^>]*?) width="[^"]*"',
+        r"\1",
+        re.sub(r'(<svg [^>]*?) height="[^"]*"', r"\1", text, count=1),
+        count=1,
+    )
     text = re.sub(r"(\d+\.\d\d)\d+", r"\1", text)
     return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)

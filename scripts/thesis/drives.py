@@ -30,8 +30,7 @@ SEED = 1
 # Channels that the thesis could use: one gauge on a front upper arm, which did not respond, and none on
 # the rear tie rods (section 4.2.1).
 FITTED = {
-    wheel: ("lower_front", "lower_rear", "tie_rod") if wheel[0] == "f" else MEMBERS[:4]
-    for wheel in WHEELS
+    wheel: ("lower_front", "lower_rear", "tie_rod") if wheel[0] == "f" else MEMBERS[:4] for wheel in WHEELS
 }
 # The half bridges of table 3.2; section 5.2.1 names 12 of 16 that were wired for bending.
 HALF_BRIDGES = {wheel: MEMBERS[2:4] if wheel[0] == "f" else MEMBERS[:4] for wheel in WHEELS}
@@ -54,10 +53,16 @@ def missing_gauges() -> str:
 def bending_wired() -> str:
     """Options of the virtual vehicle: the 12 half bridges read bending."""
     return "".join(
-        _fault(wheel, channel, '"bending_wired"')
-        for wheel in WHEELS
-        for channel in HALF_BRIDGES[wheel]
+        _fault(wheel, channel, '"bending_wired"') for wheel in WHEELS for channel in HALF_BRIDGES[wheel]
     )
+
+
+# When the static baseline of the gauges is taken, s.
+BASELINE_S = (0.2, 0.5)
+
+
+def in_baseline(time_s: Any) -> Any:
+    return (time_s > BASELINE_S[0]) & (time_s < BASELINE_S[1])
 
 
 class Drive:
@@ -224,9 +229,7 @@ class Drives:
     @functools.cached_property
     def slow_sine_offset(self) -> Drive:
         """The same with an error of the steering wheel's zero that no file states."""
-        return self._simulated(
-            "slow-sine-offset", "slow-sine", options="[hidden]\nsteer_offset_rad = 0.3\n"
-        )
+        return self._simulated("slow-sine-offset", "slow-sine", options="[hidden]\nsteer_offset_rad = 0.3\n")
 
     @functools.cached_property
     def fast_sine(self) -> Drive:
@@ -284,9 +287,7 @@ class Drives:
 
     @functools.cached_property
     def jackstand_calibrated(self) -> Drive:
-        return self._replayed(
-            "jackstand-calibrated", self.jackstand, calibration=self.jackstand_zeros[0]
-        )
+        return self._replayed("jackstand-calibrated", self.jackstand, calibration=self.jackstand_zeros[0])
 
     @functools.cached_property
     def miswired_zeros(self) -> tuple[Path, dict[str, Any]]:
@@ -297,25 +298,25 @@ class Drives:
     @functools.cached_property
     def circle_calibrated(self) -> Drive:
         """The turn with the thesis's gauges after `calibrate zero` called its bad channels dead."""
-        return self._replayed(
-            "circle-calibrated", self.circle_miswired, calibration=self.miswired_zeros[0]
-        )
+        return self._replayed("circle-calibrated", self.circle_miswired, calibration=self.miswired_zeros[0])
 
     @functools.cached_property
     def sine_calibrated(self) -> Drive:
-        return self._replayed(
-            "sine-calibrated", self.sine_miswired, calibration=self.miswired_zeros[0]
-        )
+        return self._replayed("sine-calibrated", self.sine_miswired, calibration=self.miswired_zeros[0])
 
     def member_forces(
         self, drive: Drive, channel: atvrec.StrainChannel, fitted: dict[str, Any] = FITTED
     ) -> tuple[Any, dict[str, Any]]:
-        """Times and link forces, N, of each wheel: counts less those of the first 0.3 s, as the thesis
+        """Times and link forces, N, of each wheel: counts less those of `BASELINE_S`, as the thesis
         takes off its static baseline, times newtons for a count. A channel that is not fitted is 0."""
         time_s, counts = drive.strain()
-        first = time_s < time_s[0] + 0.3
+        # The low-pass filters of the chain settle first.
+        settled = time_s > BASELINE_S[0]
+        time_s = time_s[settled]
+        first = in_baseline(time_s)
         forces = {}
-        for wheel, rows in counts.items():
+        for wheel, every in counts.items():
+            rows = every[settled]
             change = (rows - rows[first].mean(axis=0)) * channel.load_per_count
             has = np.array([member in fitted[wheel] for member in MEMBERS])
             forces[wheel] = np.column_stack([np.where(has, change, 0.0), np.zeros(len(change))])

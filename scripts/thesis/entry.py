@@ -27,6 +27,8 @@ class Check:
 
     @property
     def limit(self) -> str:
+        if self.low == self.high:
+            return f"= {shown(self.low)}"
         if self.high == math.inf:
             return f"≥ {shown(self.low)}"
         if self.low == -math.inf:
@@ -37,8 +39,9 @@ class Check:
 def shown(value: float) -> str:
     """A number with at most four significant digits, without an exponent where it has few digits."""
     if value == 0.0 or 1e-3 <= abs(value) < 1e5:
-        return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
-    return f"{value:.2e}"
+        text = f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
+        return text.replace("-", "−")
+    return f"{value:.1e}".replace("e-0", "e-").replace("-", "−")
 
 
 def at_most(what: str, value: float, high: float, unit: str = "") -> Check:

@@ -60,8 +60,15 @@ def low_speed(drives: Drives) -> Made:
         seen="Steer angle 5°, constant. The speed falls to 0.04 m/s and rises again.",
         checks=[
             at_least("largest yaw rate of equation 2.5", np.degrees(np.abs(plain).max()), 100.0, "°/s"),
-            at_most("largest yaw rate with relaxation length", np.degrees(np.abs(relaxed).max()), 20.0, "°/s"),
-            at_most("difference of both forms above 3 m/s", 100 * rms(plain[early] - relaxed[early]) / rms(plain[early]), 4.0, "%"),
+            at_most(
+                "largest yaw rate with relaxation length", np.degrees(np.abs(relaxed).max()), 20.0, "°/s"
+            ),
+            at_most(
+                "difference of both forms above 3 m/s",
+                100 * rms(plain[early] - relaxed[early]) / rms(plain[early]),
+                4.0,
+                "%",
+            ),
         ],
         today="From rest to 15 m/s and back to walking pace (manoeuvre launch-brake) the estimated yaw rate has no "
         f"spike: its largest error is {np.degrees(np.max(np.abs(found - true))):.2f} °/s.",
@@ -118,7 +125,12 @@ def chang(drives: Drives) -> Made:
         figure=drawn,
         table=(["Chang", "value"], rows),
         checks=[
-            at_most("poles against the corrected equations, largest difference", np.max(np.abs(poles - clean)), 1e-6, "rad/s"),
+            at_most(
+                "poles against the corrected equations, largest difference",
+                np.max(np.abs(poles - clean)),
+                1e-6,
+                "rad/s",
+            ),
             within("frequency of the body", bounce_hz, 1.0, 2.5, "Hz"),
         ],
         today="The vehicle file <code>prowler-chang</code> has these values at the wheels of the Prowler. "
@@ -185,16 +197,27 @@ def measured(drives: Drives) -> Made:
     return Made(
         table=(["parameter", "thesis", "vehicle file prowler-table-2.3"], rows),
         checks=[
-            at_most("a + b against the printed wheelbase", 1000 * abs(printed.wheelbase_m - 1.4478), 1.0, "mm"),
+            at_most(
+                "a + b against the printed wheelbase", 1000 * abs(printed.wheelbase_m - 1.4478), 1.0, "mm"
+            ),
             within("m a b", 644.0 * a_m * b_m, 328.5, 328.7, "kg m²"),
             at_least("printed yaw inertia over m a b", inertia[2] / (644.0 * a_m * b_m), 1.5),
             within("warnings about the printed yaw inertia", len(warned), 1, 1),
             within("printed weight over m g", 6318.0 / (644.0 * GRAVITY_M_S2), 0.999, 1.001),
-            within("estimated loads, straight on, over the weight", sum(loads) / (644.0 * GRAVITY_M_S2), 0.98, 1.02),
-            within("estimated share of the front axle less b/L", 100 * (front - b_m / printed.wheelbase_m), -1.0, 1.0, "%"),
+            within(
+                "estimated loads, straight on, over the weight",
+                sum(loads) / (644.0 * GRAVITY_M_S2),
+                0.98,
+                1.02,
+            ),
+            within(
+                "estimated share of the front axle less b/L",
+                100 * (front - b_m / printed.wheelbase_m),
+                -1.0,
+                1.0,
+                "%",
+            ),
         ],
         today=f"While the virtual vehicle drives straight on, the estimated loads add to {sum(loads):.0f} N, of which the front axle "
         f"carries {100 * front:.1f} %. <code>calibrate weight</code> and <code>calibrate cg-height</code> measure both in the workshop.",
     )
-
-

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from typing import Any
 
 from drawing import COLOURS, svg
@@ -28,7 +29,10 @@ b.tag { display: block; font-size: .8rem; letter-spacing: .03em; color: var(--so
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .93rem; width: 100%; }
 th, td { text-align: left; vertical-align: top; padding: .25rem .8rem .25rem 0; border-bottom: 1px solid var(--line); }
 th { color: var(--soft-text); font-weight: 600; }
-td.n { text-align: right; white-space: nowrap; }
+.checks { margin-top: .2rem; }
+.checks td + td { white-space: nowrap; }
+.checks td:last-child, .checks th:last-child { padding-right: 0; }
+sub { line-height: 0; }
 tr.bad td, .bad { color: var(--bad); font-weight: 600; }
 ol.contents { columns: 20rem; padding-left: 1.2rem; list-style: none; margin: .6rem 0; font-size: .95rem; }
 ol.contents li { break-inside: avoid; padding: .1rem 0; }
@@ -55,21 +59,26 @@ def scheme() -> str:
     )
 
 
-def table(head: list[str], rows: list[list[str]], *, bad: list[bool] | None = None) -> str:
+def marked(text: str) -> str:
+    """HTML with the indices of symbols such as F_y below the line."""
+    return re.sub(r"\b([A-Za-z])_([A-Za-z0-9]{1,3})\b", r"\1<sub>\2</sub>", text)
+
+
+def table(head: list[str], rows: list[list[str]], *, kind: str = "", bad: list[bool] | None = None) -> str:
     cells = "".join(f"<th>{one}</th>" for one in head)
     lines = []
     for index, row in enumerate(rows):
-        kind = ' class="bad"' if bad and bad[index] else ""
-        lines.append(f"<tr{kind}>" + "".join(f"<td>{one}</td>" for one in row) + "</tr>")
-    return f'<div class="scroll"><table><tr>{cells}</tr>{"".join(lines)}</table></div>'
+        failed = ' class="bad"' if bad and bad[index] else ""
+        lines.append(f"<tr{failed}>" + "".join(f"<td>{one}</td>" for one in row) + "</tr>")
+    return f'<div class="scroll"><table class="{kind}"><tr>{cells}</tr>{"".join(lines)}</table></div>'
 
 
 def check_rows(checks: list[Check]) -> str:
     rows = [
-        [html.escape(one.what), f"{shown(one.value)} {one.unit}", f"{one.limit} {one.unit}"]
+        [marked(html.escape(one.what)), f"{shown(one.value)} {one.unit}", f"{one.limit} {one.unit}"]
         for one in checks
     ]
-    return table(["check", "value", "limit"], rows, bad=[not one.holds for one in checks])
+    return table(["check", "value", "limit"], rows, kind="checks", bad=[not one.holds for one in checks])
 
 
 def anchor(entry: Entry) -> str:
@@ -82,13 +91,13 @@ def section(entry: Entry, made: Made) -> str:
         body += svg(made.figure, entry.number, html.escape(f"{entry.name}: {entry.title}", quote=True))
     if made.table is not None:
         body += table(*made.table)
-    caption = f"<figcaption>{made.seen}</figcaption>" if made.seen else ""
-    erratum = f"<p><b class=tag>Erratum</b>{entry.erratum}</p>" if entry.erratum else ""
+    caption = f"<figcaption>{marked(made.seen)}</figcaption>" if made.seen else ""
+    erratum = f"<p><b class=tag>Erratum</b>{marked(entry.erratum)}</p>" if entry.erratum else ""
     return (
         f'<section id="{anchor(entry)}"><h3>{entry.name.capitalize()}: {html.escape(entry.title)}</h3>'
         f"<figure>{body}{caption}</figure>"
-        f"<div><p><b class=tag>The thesis</b>{entry.says}</p>{erratum}"
-        f"<p><b class=tag>Today</b>{made.today}</p>{check_rows(made.checks)}</div></section>"
+        f"<div><p><b class=tag>The thesis</b>{marked(entry.says)}</p>{erratum}"
+        f"<p><b class=tag>Today</b>{marked(made.today)}</p>{check_rows(made.checks)}</div></section>"
     )
 
 
@@ -131,5 +140,7 @@ def as_text(made: list[tuple[Entry, Any]]) -> str:
         for check in one.checks:
             word = "ok    " if check.holds else "FAILED"
             unit = f" {check.unit}" if check.unit else ""
-            lines.append(f"{word} {entry.name:<12} {check.what}: {shown(check.value)}{unit} (limit {check.limit}{unit})")
+            lines.append(
+                f"{word} {entry.name:<12} {check.what}: {shown(check.value)}{unit} (limit {check.limit}{unit})"
+            )
     return "\n".join(lines)

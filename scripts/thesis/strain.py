@@ -43,9 +43,22 @@ def area_m2() -> float:
 def materials(drives: Drives) -> Made:
     values = chain()
     modulus = values["youngs_modulus_pa"]
-    by_hand = 2.0 * modulus * area_m2() / (values["gauge_factor"] * atvrec.amplifier_gain(100.0) * 2 ** values["adc_bits"])
+    by_hand = (
+        2.0
+        * modulus
+        * area_m2()
+        / (values["gauge_factor"] * atvrec.amplifier_gain(100.0) * 2 ** values["adc_bits"])
+    )
     found = atvrec.StrainChannel.axial().load_per_count
-    rows = [[name, shown(ratio), f"{shown(gpa)} GPa", f"{1e6 * 180e6 / (gpa * 1e9):.0f} to {1e6 * 200e6 / (gpa * 1e9):.0f} µm/m"] for name, ratio, gpa in MATERIALS]
+    rows = [
+        [
+            name,
+            shown(ratio),
+            f"{shown(gpa)} GPa",
+            f"{1e6 * 180e6 / (gpa * 1e9):.0f} to {1e6 * 200e6 / (gpa * 1e9):.0f} µm/m",
+        ]
+        for name, ratio, gpa in MATERIALS
+    ]
     return Made(
         table=(["material", "Poisson's ratio", "modulus", "strain at 180 to 200 MPa"], rows),
         checks=[
@@ -71,9 +84,21 @@ def materials(drives: Drives) -> Made:
 )
 def circuits(drives: Drives) -> Made:
     table_rows = atvrec.strain_circuits()
-    names = {"FrontLeft": "front left", "FrontRight": "front right", "RearLeft": "rear left", "RearRight": "rear right"}
+    names = {
+        "FrontLeft": "front left",
+        "FrontRight": "front right",
+        "RearLeft": "rear left",
+        "RearRight": "rear right",
+    }
     rows = [
-        [str(one["can_box"]), names[one["wheel"]], "".join(f" {c.lower()}" if c.isupper() else c for c in one["member"]).strip(), one["bridge"].lower(), f"{one['gain_resistor_ohm']:.0f} Ω", f"{one['gain']:.1f}"]
+        [
+            str(one["can_box"]),
+            names[one["wheel"]],
+            "".join(f" {c.lower()}" if c.isupper() else c for c in one["member"]).strip(),
+            one["bridge"].lower(),
+            f"{one['gain_resistor_ohm']:.0f} Ω",
+            f"{one['gain']:.1f}",
+        ]
         for one in table_rows
     ]
     halves = sum(one["bridge"] == "Half" for one in table_rows)
@@ -87,11 +112,22 @@ def circuits(drives: Drives) -> Made:
         checks=[
             within("circuits", len(table_rows), 16, 16),
             within("half bridges", halves, 12, 12),
-            within("circuits of box 5 at the rear right", sum(one["can_box"] == 5 and one["wheel"] == "RearRight" for one in table_rows), 4, 4),
+            within(
+                "circuits of box 5 at the rear right",
+                sum(one["can_box"] == 5 and one["wheel"] == "RearRight" for one in table_rows),
+                4,
+                4,
+            ),
             within("gain with 100 Ω", atvrec.amplifier_gain(100.0), 805.0, 805.0),
             within("gain with 350 Ω", atvrec.amplifier_gain(350.0), 233.5, 233.6),
             within("gain that a socket of 1 Ω costs at 100 Ω", socket, 0.97, 0.99, "%"),
-            within("corner of 80 Ω and 100 µF less that of the sensors file", corner_hz - values["lag_hz"], -0.05, 0.05, "Hz"),
+            within(
+                "corner of 80 Ω and 100 µF less that of the sensors file",
+                corner_hz - values["lag_hz"],
+                -0.05,
+                0.05,
+                "Hz",
+            ),
             within("phase of the filter at 6 Hz", phase, -16.9, -16.7, "°"),
             within("half bridge at 1000 µm/m", half_mv, 5.2, 5.3, "mV"),
         ],
@@ -167,10 +203,15 @@ def hanging(drives: Drives) -> Made:
     true = tomllib.loads((drives.folder / "jackstand-true.toml").read_text(encoding="utf-8"))["corner"]
     got = tomllib.loads(output.read_text(encoding="utf-8"))["corner"]
     differences = {
-        (wheel, member): abs(got[LONG[wheel]]["strain"][member]["offset_counts"] - true[LONG[wheel]]["strain"][member]["offset_counts"])
+        (wheel, member): abs(
+            got[LONG[wheel]]["strain"][member]["offset_counts"]
+            - true[LONG[wheel]]["strain"][member]["offset_counts"]
+        )
         for wheel in WHEELS
         for member in MEMBERS
-        if member in got[LONG[wheel]]["strain"] and "offset_counts" in got[LONG[wheel]]["strain"][member] and (wheel, member) != ("fr", "lower_rear")
+        if member in got[LONG[wheel]]["strain"]
+        and "offset_counts" in got[LONG[wheel]]["strain"][member]
+        and (wheel, member) != ("fr", "lower_rear")
     }
     notes = " ".join(map(str, found["notes"]))
     largest = max(abs(float(np.mean(counts[w][used, k])) - 512.0) for w in WHEELS for k in range(5))
@@ -214,7 +255,7 @@ def spring_slopes(drive: Drive) -> dict[str, float]:
     "The front is lowered first, then the rear; the steering wheel is turned to both sides. Spring and arms take the weight, and the tie rod shows "
     "the force that turns the wheels. Load over deflection gives 158780 N/m, 2.44 times the spring's rate, which the thesis takes to confirm the lever "
     "of 2.3.",
-    "2.25 to 2.27 have the lever upside down: by virtual work F<sub>z</sub> is k Δl/2.3. The 2.44 is a secant through one point, consistent with about "
+    "2.25 to 2.27 have the lever upside down: by virtual work F_z is k Δl/2.3. The 2.44 is a secant through one point, consistent with about "
     "2.5 kN of preload at the droop stop.",
 )
 def lowered(drives: Drives) -> Made:
@@ -224,16 +265,44 @@ def lowered(drives: Drives) -> Made:
     newtons = atvrec.StrainChannel.axial().load_per_count
     drawn, (front, rear, steer) = panels(3, 1, 5.4, sharex=True, height_ratios=(3, 3, 1.3))
     for axes, wheel in ((front, "fl"), (rear, "rl")):
-        for member, colour in (("lower_front", STEPS[0]), ("lower_rear", STEPS[1]), ("upper_front", STEPS[2]), ("tie_rod", STEPS[3])):
+        for member, colour in (
+            ("lower_front", STEPS[0]),
+            ("lower_rear", STEPS[1]),
+            ("upper_front", STEPS[2]),
+            ("tie_rod", STEPS[3]),
+        ):
             zero = zeros[LONG[wheel]]["strain"][member]["offset_counts"]
-            plot(axes, time_s, newtons * (counts[wheel][:, MEMBERS.index(member)] - zero), colour, MEMBER_NAMES[member])
-        plot(axes, drive.time_s("/truth/contact_forces"), drive.force(wheel, "z", "truth"), "truth", "true load", linestyle="--")
+            plot(
+                axes,
+                time_s,
+                newtons * (counts[wheel][:, MEMBERS.index(member)] - zero),
+                colour,
+                MEMBER_NAMES[member],
+            )
+        plot(
+            axes,
+            drive.time_s("/truth/contact_forces"),
+            drive.force(wheel, "z", "truth"),
+            "truth",
+            "true load",
+            linestyle="--",
+        )
         axes.set(ylabel=f"{WHEEL_NAMES[wheel]} (N)")
     plot(steer, drive.time_s("/steer"), np.degrees(drive.column("/steer", "steering_wheel_rad")), "ink")
     steer.set(xlabel="time (s)", ylabel="steering\nwheel (°)")
     shared_legend(drawn, front)
     deflection = drive.topic("/deflection")
-    step_s = lambda wheel: float(deflection["t_s"][np.argmax(np.abs(deflection[f"{wheel}.raw_counts"].astype(float) - float(deflection[f"{wheel}.raw_counts"][0])) > 100)])
+    step_s = lambda wheel: float(
+        deflection["t_s"][
+            np.argmax(
+                np.abs(
+                    deflection[f"{wheel}.raw_counts"].astype(float)
+                    - float(deflection[f"{wheel}.raw_counts"][0])
+                )
+                > 100
+            )
+        ]
+    )
     tie = newtons * counts["fl"][:, 4]
     straight = np.median(tie[(time_s > 21) & (time_s < 24)])
     turned = np.max(np.abs(tie[time_s > 24] - straight))
@@ -251,9 +320,19 @@ def lowered(drives: Drives) -> Made:
         checks=[
             at_least("front lowered before the rear by", step_s("rl") - step_s("fl"), 2.0, "s"),
             at_least("tie rod while the wheels are turned on the ground", turned, 100.0, "N"),
-            within("load for a metre of the spring over k / 2.46 and k / 2.42 (lever of the hard-points), mean", float(np.mean(held)), 0.9, 1.1),
+            within(
+                "load for a metre of the spring over k / 2.46 and k / 2.42 (lever of the hard-points), mean",
+                float(np.mean(held)),
+                0.9,
+                1.1,
+            ),
             at_most("the same over 2.3 k of 2.27", max(slopes.values()) / (2.3 * 65_000.0), 0.25),
-            at_most("estimated loads at the end, largest error", max(abs(loads[w] - true[w]) / true[w] for w in WHEELS) * 100, 3.0, "%"),
+            at_most(
+                "estimated loads at the end, largest error",
+                max(abs(loads[w] - true[w]) / true[w] for w in WHEELS) * 100,
+                3.0,
+                "%",
+            ),
         ],
         today="On the scales, with 0 to 180 kg put in (manoeuvre weighed), a metre of the spring stands for "
         + ", ".join(f"{slopes[w] / 1000:.1f}" for w in WHEELS)

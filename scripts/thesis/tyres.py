@@ -81,7 +81,9 @@ def curves(drives: Drives) -> Made:
     for load_n, colour in zip((1000.0, 1831.0, 2500.0), STEPS):
         law = tyre("fiala", reference_load_n=LOAD_N, load_exponent=0.75)
         axes.plot(ANGLE_DEG, lateral_n(law, load_n, ANGLE_RAD), color=colour, label=f"Fiala, {load_n:.0f} N")
-    axes.plot(ANGLE_DEG, lateral_n(tyre("linear"), LOAD_N, ANGLE_RAD), "--", color=C["soft"], label="line of C")
+    axes.plot(
+        ANGLE_DEG, lateral_n(tyre("linear"), LOAD_N, ANGLE_RAD), "--", color=C["soft"], label="line of C"
+    )
     axes.set_ylim(-2300, 2300)
     axes.legend(loc="lower left")
     found = measured_tyre(drives, "fiala")["findings"]
@@ -92,7 +94,13 @@ def curves(drives: Drives) -> Made:
         checks=[
             at_least("Fiala over the line of C at 2°", at_deg("fiala", 2.0) / line, 0.90),
             at_most("Fiala over the line of C at 10°", at_deg("fiala", 10.0) / at_deg("linear", 10.0), 0.75),
-            within("slip angle 5°: sign of F_y", float(lateral_n(tyre("fiala"), LOAD_N, [0.0873])[0]), -650, -620, "N"),
+            within(
+                "slip angle 5°: sign of F_y",
+                float(lateral_n(tyre("fiala"), LOAD_N, [0.0873])[0]),
+                -650,
+                -620,
+                "N",
+            ),
         ],
         today="On the right turn of figure 4.8, <code>identify tyre</code> finds for the outer front tyre a "
         f"cornering stiffness of {stiffness:.0f} N/rad at its static load and a friction coefficient of "
@@ -112,7 +120,9 @@ def models(drives: Drives) -> Made:
     for law, colour in LAWS.items():
         axes.plot(ANGLE_DEG, lateral_n(tyre(law), LOAD_N, ANGLE_RAD), color=C[colour], label=law)
     pacejka = atvrec.Tyre.magic_formula_89()
-    axes.plot(ANGLE_DEG, lateral_n(pacejka, LOAD_N, ANGLE_RAD), color=C["other"], label="Pacejka, a car's tyre")
+    axes.plot(
+        ANGLE_DEG, lateral_n(pacejka, LOAD_N, ANGLE_RAD), color=C["other"], label="Pacejka, a car's tyre"
+    )
     axes.set_ylim(-2500, 2500)
     axes.legend(loc="lower left")
     worst = max(
@@ -129,9 +139,24 @@ def models(drives: Drives) -> Made:
         figure=drawn,
         seen="Load 1831 N, friction 0.87, cornering stiffness 8538 N/rad: a rear wheel of the Prowler at rest.",
         checks=[
-            at_most("largest difference from the values of independent programs, 3 models at 5 angles", worst, 0.01, "N"),
-            at_most("Magic Formula of 1989 at 4 kN and 4°: difference", abs(pacejka_n - MAGIC_FORMULA_89_N), 0.01, "N"),
-            within("Fiala over exponential at 20°", at_deg("fiala", 20.0) / at_deg("exponential", 20.0), 1.10, 1.16),
+            at_most(
+                "largest difference from the values of independent programs, 3 models at 5 angles",
+                worst,
+                0.01,
+                "N",
+            ),
+            at_most(
+                "Magic Formula of 1989 at 4 kN and 4°: difference",
+                abs(pacejka_n - MAGIC_FORMULA_89_N),
+                0.01,
+                "N",
+            ),
+            within(
+                "Fiala over exponential at 20°",
+                at_deg("fiala", 20.0) / at_deg("exponential", 20.0),
+                1.10,
+                1.16,
+            ),
         ],
         today="The cornering stiffness that the estimates of the right turn give depends on the model: "
         + ", ".join(f"{law} {value:.0f}" for law, value in residuals.items())
@@ -155,7 +180,9 @@ def stiffness(drives: Drives) -> Made:
     lack = lambda angle: 100.0 * (1.0 - at_deg("fiala", angle) / at_deg("linear", angle))
     drive = drives.circle
     slip_deg = np.degrees(np.abs(drive.column("/estimate/motion", "fl.slip_angle_rad")[500:]))
-    true_deg = np.degrees(np.abs(drive.column("/truth/motion", "fl.slip_angle_rad", drive.time_s("/estimate/motion"))[500:]))
+    true_deg = np.degrees(
+        np.abs(drive.column("/truth/motion", "fl.slip_angle_rad", drive.time_s("/estimate/motion"))[500:])
+    )
     return Made(
         figure=drawn,
         seen="Fiala's model; the band is ±2°.",
@@ -193,9 +220,21 @@ def load(drives: Drives) -> Made:
         figure=drawn,
         seen="Full lines: Magic Formula of a car's tyre. Dashed: Dugoff with a stiffness that grows with the load to the power of 0.75.",
         checks=[
-            within("stiffness at 3000 N over that at 500 N, Magic Formula", slope(pacejka, 3000.0) / slope(pacejka, 500.0), 3.0, 7.0),
-            within("the same, Dugoff, power 0.75", slope(sensitive, 3000.0) / slope(sensitive, 500.0), 3.82, 3.85),
-            within("the same, Dugoff as printed", slope(tyre("dugoff"), 3000.0) / slope(tyre("dugoff"), 500.0), 0.999, 1.001),
+            within(
+                "stiffness at 3000 N over that at 500 N, Magic Formula",
+                slope(pacejka, 3000.0) / slope(pacejka, 500.0),
+                3.0,
+                7.0,
+            ),
+            within(
+                "the same, Dugoff, power 0.75", slope(sensitive, 3000.0) / slope(sensitive, 500.0), 3.82, 3.85
+            ),
+            within(
+                "the same, Dugoff as printed",
+                slope(tyre("dugoff"), 3000.0) / slope(tyre("dugoff"), 500.0),
+                0.999,
+                1.001,
+            ),
         ],
         today=f"In the right turn the load of the outer front wheel rises to {np.max(true):.0f} N, {np.max(true) / 1327.0:.1f} times "
         f"its static load. The estimator has it with an error of {rms(outer - true):.0f} N (root mean square).",
@@ -227,7 +266,8 @@ def friction_circle(drives: Drives) -> Made:
     drive = drives.gravel
     t = drive.time_s("/estimate/contact_forces")
     used = [
-        np.hypot(drive.force(w, "x", "estimate"), drive.force(w, "y", "estimate")) / np.maximum(drive.force(w, "z", "estimate"), 300.0)
+        np.hypot(drive.force(w, "x", "estimate"), drive.force(w, "y", "estimate"))
+        / np.maximum(drive.force(w, "z", "estimate"), 300.0)
         for w in ("fl", "fr")
     ]
     largest = lambda part: max(float(np.percentile(one[part], 99)) for one in used)

@@ -36,7 +36,10 @@ def ryu(drives: Drives) -> tuple[Any, Any, Any]:
     motion = drive.topic("/estimate/motion")
     used = motion["t_s"] > 2.0
     roll = motion["roll_rad"][used]
-    lateral = (motion["acceleration_m_s2.y"] * np.cos(motion["roll_rad"]) - motion["acceleration_m_s2.z"] * np.sin(motion["roll_rad"]))[used]
+    lateral = (
+        motion["acceleration_m_s2.y"] * np.cos(motion["roll_rad"])
+        - motion["acceleration_m_s2.z"] * np.sin(motion["roll_rad"])
+    )[used]
     moment = drives.prowler.sprung_mass_kg * drives.prowler.roll_arm_m * lateral
     columns = np.stack([roll, motion["roll_rate_rad_s"][used], np.ones(roll.size)], axis=1)
     return roll, moment, np.linalg.lstsq(columns, moment, rcond=None)[0]
@@ -48,7 +51,7 @@ def ryu(drives: Drives) -> tuple[Any, Any, Any]:
     "Roll moment against roll angle and roll rate, by least squares (Ryu). The slope is taken as the roll "
     "stiffness; the thesis found the result irregular in its model.",
     "2.10 and 2.11 lack the roll angle and the sprung mass. The regression on V r gives the net stiffness, K less "
-    "m g h<sub>1</sub>; K itself follows from the accelerometer on the rolled body.",
+    "m g h_1; K itself follows from the accelerometer on the rolled body.",
 )
 def roll_regression(drives: Drives) -> Made:
     roll, moment, fit = ryu(drives)
@@ -57,16 +60,31 @@ def roll_regression(drives: Drives) -> Made:
     drawn, axes = panels(height_in=2.8)
     axes.plot(np.degrees(roll[::4]), moment[::4], ".", ms=2.0, color=C["measured"], label="estimates")
     ends = np.array([roll.min(), roll.max()])
-    axes.plot(np.degrees(ends), fit[0] * ends + fit[2], color=C["expected"], label=f"slope {fit[0]:.0f} N m/rad")
+    axes.plot(
+        np.degrees(ends), fit[0] * ends + fit[2], color=C["expected"], label=f"slope {fit[0]:.0f} N m/rad"
+    )
     axes.set(xlabel="roll angle (°)", ylabel="$\\mathregular{m_s h_1 a_y}$ (N m)")
     axes.legend(loc="upper left")
     return Made(
         figure=drawn,
         seen="Virtual Prowler, sine steer of 0.3 Hz at 8 m/s.",
         checks=[
-            within("slope of the regression over the roll stiffness of the vehicle", fit[0] / given, 0.55, 0.80),
-            within("roll stiffness of identify over that of the vehicle", found["roll_stiffness"] / given, 0.95, 1.05),
-            within("what gravity takes: m<sub>s</sub> g h<sub>1</sub> and the wheels'", found["gravity_roll_stiffness"], 1400, 2100, "N m/rad"),
+            within(
+                "slope of the regression over the roll stiffness of the vehicle", fit[0] / given, 0.55, 0.80
+            ),
+            within(
+                "roll stiffness of identify over that of the vehicle",
+                found["roll_stiffness"] / given,
+                0.95,
+                1.05,
+            ),
+            within(
+                "what gravity takes: m_s g h_1 and the wheels'",
+                found["gravity_roll_stiffness"],
+                1400,
+                2100,
+                "N m/rad",
+            ),
         ],
         today=f"<code>identify roll-pitch</code>: {found['roll_stiffness']:.0f} N m/rad, with the inertia and the inclination of the wheels; "
         f"the vehicle has {given:.0f} N m/rad. Ryu's regression, {found['ryu_net_roll_stiffness']:.0f} N m/rad, is printed beside it.",
@@ -107,9 +125,11 @@ def stiffness_over_time(drives: Drives) -> Made:
     plot(axes, t, front / 1000, "fl", "front")
     plot(axes, t, wrong / 1000, "fr", "front, steer angle wrong by 2°")
     axes.axhline(np.mean(wrong) / 1000, color=C["fr"], linestyle="--", linewidth=1)
-    axes.set(xlabel="time (s)", ylabel="cornering stiffness (kN/rad)", ylim=(0, 40))
+    axes.set(xlabel="time (s)", ylabel="cornering stiffness (kN/rad)", ylim=(0, 32))
     axes.legend(loc="upper right", ncols=2)
-    growth = lambda values: float(np.median(values[(t > 35) & (t < 45)]) / np.median(values[(t > 6) & (t < 16)]))
+    growth = lambda values: float(
+        np.median(values[(t > 35) & (t < 45)]) / np.median(values[(t > 6) & (t < 16)])
+    )
     offset_drive = drives.slow_sine_offset
     plain, offset = (one.log.identify("cornering")[0] for one in (drives.slow_sine, offset_drive))
     value = lambda found: found["findings"]["cornering_stiffness_front"]["value"]
@@ -120,8 +140,18 @@ def stiffness_over_time(drives: Drives) -> Made:
         checks=[
             at_least("growth from 6-16 s to 35-45 s, steer angle wrong by 2°", growth(wrong), 1.15),
             at_most("the same, steer angle right", growth(front), 1.1),
-            at_least("sine steer, hidden zero error of the encoder: change of the mean of 2.31", 100 * abs(ratio(offset) / ratio(plain) - 1), 5.0, "%"),
-            at_most("the same: change of what identify finds", 100 * abs(value(offset) / value(plain) - 1), 3.0, "%"),
+            at_least(
+                "sine steer, hidden zero error of the encoder: change of the mean of 2.31",
+                100 * abs(ratio(offset) / ratio(plain) - 1),
+                5.0,
+                "%",
+            ),
+            at_most(
+                "the same: change of what identify finds",
+                100 * abs(value(offset) / value(plain) - 1),
+                3.0,
+                "%",
+            ),
         ],
         today="<code>identify cornering</code> regresses with an offset: with a hidden error of the steering wheel it finds "
         f"{value(offset):.0f} N/rad in front, without it {value(plain):.0f}; the mean of 2.31 goes from {ratio(plain):.0f} to {ratio(offset):.0f}.",
@@ -144,8 +174,17 @@ def stiffness_table(drives: Drives) -> Made:
         for axle, value in zip(("front", "rear"), printed):
             one = found[f"cornering_stiffness_{axle}"]
             low, high = one["interval"]
-            rows.append([f"{tyre}, {axle}", f"{value:.0f} N/rad", f"{one['value']:.0f} N/rad", f"{low:.0f} to {high:.0f}"])
-            checks.append(within(f"{tyre}, {axle}: identified over the thesis's", one["value"] / value, 0.95, 1.05))
+            rows.append(
+                [
+                    f"{tyre}, {axle}",
+                    f"{value:.0f} N/rad",
+                    f"{one['value']:.0f} N/rad",
+                    f"{low:.0f} to {high:.0f}",
+                ]
+            )
+            checks.append(
+                within(f"{tyre}, {axle}: identified over the thesis's", one["value"] / value, 0.95, 1.05)
+            )
     return Made(
         table=(["tyre", "thesis", "identify cornering", "95 %"], rows),
         checks=checks,
@@ -158,7 +197,7 @@ def stiffness_table(drives: Drives) -> Made:
     "2.4",
     "Roll and pitch by regression",
     "Ryu's regression gave a roll stiffness of 2743 and a pitch stiffness of 3153, which made the model irregular.",
-    "Stiffness is in N m/rad and damping in N m s/rad; the table has the units exchanged. m g h<sub>1</sub> is 2678.7 N m/rad, "
+    "Stiffness is in N m/rad and damping in N m s/rad; the table has the units exchanged. m g h_1 is 2678.7 N m/rad, "
     "so that a roll stiffness of 2743 leaves 64 N m/rad to hold the body.",
 )
 def regression_values(drives: Drives) -> Made:
@@ -176,9 +215,14 @@ def regression_values(drives: Drives) -> Made:
     return Made(
         table=(["parameter", "thesis", "identify roll-pitch, virtual Prowler"], rows),
         checks=[
-            within("2743 less m g h<sub>1</sub>", 2743.0 - taken, 60.0, 70.0, "N m/rad"),
+            within("2743 less m g h_1", 2743.0 - taken, 60.0, 70.0, "N m/rad"),
             at_least("roll angle for 1 g with 2743 N m/rad", lean, 1000.0, "°"),
-            within("identified roll stiffness over that of the vehicle", found["roll_stiffness"] / given, 0.95, 1.05),
+            within(
+                "identified roll stiffness over that of the vehicle",
+                found["roll_stiffness"] / given,
+                0.95,
+                1.05,
+            ),
         ],
         today="<code>identify roll-pitch</code> on a sine (roll) and on launch and brake (pitch) of the virtual Prowler, whose springs, "
         "dampers and hard-points are those of an independent simulator.",
@@ -200,19 +244,31 @@ def spring_values(drives: Drives) -> Made:
     found = roll_pitch(drives.slow_sine)
     braking = roll_pitch(drives.launch_brake)
     rows = [
-        ["roll stiffness", "15285.5", f"{roll:.0f} N m/rad", f"{found['gillespie_roll_stiffness']:.0f} N m/rad", f"{found['roll_stiffness']:.0f} N m/rad"],
+        [
+            "roll stiffness",
+            "15285.5",
+            f"{roll:.0f} N m/rad",
+            f"{found['gillespie_roll_stiffness']:.0f} N m/rad",
+            f"{found['roll_stiffness']:.0f} N m/rad",
+        ],
         ["pitch stiffness", "67392", f"{pitch:.0f} N m/rad", "", f"{braking['pitch_stiffness']:.0f} N m/rad"],
     ]
     return Made(
-        table=(["parameter", "thesis", "wheel rates, lever 2.3", "lever of the hard-points", "identified"], rows),
+        table=(
+            ["parameter", "thesis", "wheel rates, lever 2.3", "lever of the hard-points", "identified"],
+            rows,
+        ),
         checks=[
             within("0.5 · 65000 · 0.6858²", 0.5 * SPRING_N_M * SPACING_M**2, 15285.0, 15286.0, "N m/rad"),
             within("both axles, wheel rates", roll, 15350.0, 15355.0, "N m/rad"),
             within("pitch, wheel rates", pitch, 26380.0, 26390.0, "N m/rad"),
-            within("identified roll stiffness over springs and tyres in series", found["roll_stiffness"] / found["gillespie_roll_stiffness_with_tyres"], 0.93, 1.05),
+            within(
+                "identified roll stiffness over springs and tyres in series",
+                found["roll_stiffness"] / found["gillespie_roll_stiffness_with_tyres"],
+                0.93,
+                1.05,
+            ),
         ],
         today=f"The tyres are in series with the springs: {shown(found['gillespie_roll_stiffness_with_tyres'])} N m/rad by the formula, "
         f"{shown(found['roll_stiffness'])} N m/rad from the drive.",
     )
-
-
