@@ -14,7 +14,7 @@ import time
 import traceback
 from pathlib import Path
 
-import coverage
+import listing
 from drives import ROOT, Drives
 from entry import ENTRIES, Check, Entry, Made
 from page import as_text, page
@@ -40,7 +40,7 @@ def main() -> int:
     arguments.add_argument("--checks", action="store_true", help="print all checks")
     chosen = arguments.parse_args()
     started = time.monotonic()
-    problems = coverage.problems(ROOT / "docs/thesis.md", ENTRIES)
+    problems = listing.problems(ROOT / "docs/thesis.md", ENTRIES)
     entries = sorted(ENTRIES, key=lambda entry: entry.key)
     if chosen.only:
         entries = [one for one in entries if one.number in chosen.only.split(",")]

@@ -29,9 +29,14 @@ COLOURS = {
     "truth": ("#01000a", "#111827", "#f3f4f6"),
     "estimate": ("#01000b", "#0f766e", "#2dd4bf"),
     "other": ("#01000c", "#9333ea", "#d0a5ff"),
+    "step1": ("#01000d", "#0369a1", "#38bdf8"),
+    "step2": ("#01000e", "#4d7c0f", "#a3e635"),
+    "step3": ("#01000f", "#b45309", "#fbbf24"),
+    "step4": ("#010010", "#be185d", "#f472b6"),
 }
 C = {name: sentinel for name, (sentinel, _, _) in COLOURS.items()}
-STEPS = [C["fl"], C["rl"], C["rr"], C["fr"]]
+# For members and for steps of a parameter, so that the colours of wheels are those of wheels alone.
+STEPS = [C["step1"], C["step2"], C["step3"], C["step4"]]
 
 # Width of a figure, inches; 9 pt on it are 9.6 px on a phone of 400 px.
 WIDTH_IN = 4.8

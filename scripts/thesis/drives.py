@@ -340,15 +340,6 @@ class Drives:
         rate_n_m = axle["strut"]["stiffness_n_m"] * axle["strut"]["motion_ratio"]
         return axle["tyre"]["reference_load_n"] + rate_n_m * span_m / 1024.0 * (counts - 512.0)
 
-    def blind_forces(self, drive: Drive) -> tuple[Any, dict[str, Any]]:
-        """Lateral forces of the four-wheel model on the steer angle and the speed of a drive; the
-        cornering stiffness is the one that `identify` finds on the sine."""
-        from validation import respond, with_stiffness_of
-
-        response = respond(with_stiffness_of(self.sine, self.prowler), drive)
-        forces = {wheel: response.lateral_n[:, index] for index, wheel in enumerate(WHEELS)}
-        return response.time_s, forces
-
     def calibrate_zero(self, drive: Drive, output: Path) -> dict[str, Any]:
         """`atvrec calibrate zero` on a log: its findings."""
         output.unlink(missing_ok=True)

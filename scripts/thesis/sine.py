@@ -9,6 +9,7 @@ from drawing import C, WHEEL_NAMES, WHEELS, panels, plot, shared_legend, wheels
 from drives import FITTED, Drive, Drives, error_percent, rms
 from entry import Made, at_least, at_most, figure, within
 from turn import STATIC_N, change, gauge_forces, smoothed, total_error, wheel_error
+from validation import respond, with_stiffness_of
 
 import atvrec
 
@@ -192,6 +193,13 @@ def amplitude(t: Any, values: Any, first: float, last: float) -> float:
     return 0.5 * float(high - low)
 
 
+def blind_forces(drives: Drives, drive: Drive) -> tuple[Any, dict[str, Any]]:
+    """Lateral forces of the four-wheel model on the steer angle and the speed of a drive. Its cornering stiffness
+    is the one that `identify` finds on the sine."""
+    response = respond(with_stiffness_of(drives.sine, drives.prowler), drive)
+    return response.time_s, {wheel: response.lateral_n[:, k] for k, wheel in enumerate(WHEELS)}
+
+
 @figure(
     "4.17",
     "From asphalt to gravel",
@@ -202,7 +210,7 @@ def gravel(drives: Drives) -> Made:
     drive, statics = drives.gravel, drives.gravel_statics
     t = statics.time_s("/estimate/contact_forces")
     measured = {w: statics.force(w, "y", "estimate") for w in WHEELS}
-    blind = drives.blind_forces(drive)
+    blind = blind_forces(drives, drive)
     drawn, axes = wheels(ylabel="lateral force (N)", sharey=True)
     for wheel in WHEELS:
         plot(axes[wheel], t, smoothed(measured[wheel], 10), "measured", "measured")
