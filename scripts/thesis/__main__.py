@@ -53,7 +53,8 @@ def main() -> int:
     chosen.output.write_text(text, encoding="utf-8")
     lines = as_text(results).splitlines()
     failed = [line for line in lines if line.startswith("FAILED")]
-    print("\n".join(lines if chosen.checks else failed))
+    for line in lines if chosen.checks else failed:
+        print(line)
     for problem in problems:
         print(f"FAILED docs/thesis.md: {problem}")
     print(

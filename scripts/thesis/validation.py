@@ -117,7 +117,7 @@ def beside_simulator(drives: Drives, motion: str, label: str, limit: float) -> M
     )[0, 1]
     return Made(
         figure=drawn,
-        seen="Sine steer of 0.3 Hz at 8 m/s. The independent multibody simulator has tyres of its own, as CarSim had.",
+        seen="Sine steer of 0.3 Hz at 8 m/s. The independent multibody simulator has tyres of its own, as CarSim had; the model has the cornering stiffness that <code>identify cornering</code> finds in this drive.",
         checks=[
             at_least("correlation of model and simulator", together, 0.9),
             at_most("error of the model", model_error, limit, unit),
