@@ -11,6 +11,7 @@ import matplotlib
 matplotlib.use("svg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import NullFormatter
 
 WHEELS = ("fl", "fr", "rl", "rr")
 WHEEL_NAMES = {"fl": "front left", "fr": "front right", "rl": "rear left", "rr": "rear right"}
@@ -116,6 +117,12 @@ def thinned(x: Any, y: Any) -> tuple[Any, Any]:
 def plot(axes: Any, x: Any, y: Any, colour: str, label: str | None = None, **more: Any) -> None:
     """A curve over time, thinned."""
     axes.plot(*thinned(x, y), color=C.get(colour, colour), label=label, **more)
+
+
+def plain_decades(axis: Any) -> None:
+    """Numbers without exponents at the decades of a logarithmic axis, and none between them."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def shared_legend(drawn: Any, axes: Any, columns: int = 3) -> None:

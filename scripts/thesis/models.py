@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from drawing import C, WHEELS, panels, plot
+from drawing import C, WHEELS, panels, plain_decades, plot
 from drives import GRAVITY_M_S2, Drives, rms
 from entry import Made, at_least, at_most, figure, shown, table, within
 
@@ -114,6 +114,8 @@ def chang(drives: Drives) -> Made:
     axes.loglog(frequency_hz, response[:, 0], color=C["measured"], label="body over road")
     axes.loglog(frequency_hz, response[:, 1], color=C["expected"], label="wheel over road")
     axes.set(xlabel="frequency (Hz)", ylabel="amplitude ratio")
+    plain_decades(axes.xaxis)
+    plain_decades(axes.yaxis)
     axes.legend(loc="lower left")
     rows = [
         ["sprung mass", "53.61 kg"],

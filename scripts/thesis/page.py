@@ -30,7 +30,8 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size
 th, td { text-align: left; vertical-align: top; padding: .25rem .8rem .25rem 0; border-bottom: 1px solid var(--line); }
 th { color: var(--soft-text); font-weight: 600; }
 .checks { margin-top: .2rem; }
-.checks td + td { white-space: nowrap; }
+@media (min-width: 40rem) { .checks td + td { white-space: nowrap; } }
+@media (max-width: 40rem) { table { font-size: .85rem; } th, td { padding-right: .5rem; } }
 .checks td:last-child, .checks th:last-child { padding-right: 0; }
 sub { line-height: 0; }
 tr.bad td, .bad { color: var(--bad); font-weight: 600; }

@@ -6,7 +6,7 @@ import tomllib
 from typing import Any
 
 import numpy as np
-from drawing import C, STEPS, WHEEL_NAMES, WHEELS, panels, plot, shared_legend, wheels
+from drawing import C, STEPS, WHEEL_NAMES, WHEELS, panels, plain_decades, plot, shared_legend, wheels
 from drives import LONG, MEMBERS, Drive, Drives
 from entry import Made, at_least, at_most, figure, shown, table, within
 
@@ -164,6 +164,7 @@ def spectrum(drives: Drives) -> Made:
         axes.semilogy(frequency[1:], np.sqrt(power[1:]), color=C[wheel], label=WHEEL_NAMES[wheel])
         above.append(100.0 * power[frequency > 20.0].sum() / power[1:].sum())
         low.append(100.0 * power[(frequency > 0.0) & (frequency <= 6.0)].sum() / power[1:].sum())
+    plain_decades(axes.yaxis)
     axes.axvline(19.9, color=C["soft"], linestyle="--", linewidth=1)
     axes.set(xlabel="frequency (Hz)", ylabel="spring deflection (mm)", xlim=(0, 50))
     axes.legend(loc="upper right", ncols=2)

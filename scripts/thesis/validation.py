@@ -105,8 +105,7 @@ def beside_simulator(drives: Drives, motion: str, label: str, limit: float) -> M
         linestyle="--",
     )
     axes.set(xlabel="time (s)", ylabel=label)
-    axes.margins(y=0.2)
-    axes.legend(loc="upper right", ncols=2)
+    shared_legend(drawn, axes)
     model_error, found_error = errors(response, drive, motion)
     unit = "% of the peak"
     peak = np.degrees(np.abs(response.column(motion)).max())

@@ -67,7 +67,8 @@ def roll_regression(drives: Drives) -> Made:
     axes.legend(loc="upper left")
     return Made(
         figure=drawn,
-        seen="Virtual Prowler, sine steer of 0.3 Hz at 8 m/s.",
+        seen="Virtual Prowler, sine steer of 0.3 Hz at 8 m/s. The line leaves out the inertia about the roll axis, the wheels and "
+        "their inclination, which <code>identify</code> takes into account.",
         checks=[
             within(
                 "slope of the regression over the roll stiffness of the vehicle", fit[0] / given, 0.55, 0.80
