@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python browser screenshots rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb arm64 clean
+.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python browser screenshots thesis rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb arm64 clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -24,7 +24,7 @@ test: export ATVREC_REQUIRE_DATA ?= 0
 test: $(TESTS) ## All that needs nothing beside the project: 25 minutes cold on two quiet cores
 
 test-all: export STALL_S ?= 60
-test-all: $(TESTS) browser ## The same with the recordings in ../shared, as CI runs it: 70 minutes
+test-all: $(TESTS) thesis browser ## The same with the recordings in ../shared, as CI runs it: 70 minutes
 
 check: setup fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
 
@@ -71,6 +71,10 @@ browser: setup ## The live page and the report in a real browser, and Foxglove's
 
 screenshots: setup ## Draw the pictures of the live page and of the report again (docs/*.png); look at them
 	@scripts/test-browser screenshots
+
+thesis: setup venv ## Figures and tables of the thesis through the measuring chain, with checks: target/thesis/thesis.html
+	@scripts/test-python wheel
+	@$(PYTHON) scripts/thesis
 
 rig: ## The bounded rig: SocketCAN, SJA1000 and UARTs in a real kernel
 	@scripts/test-rig
