@@ -50,8 +50,8 @@ pub struct RelationWindow {
     pub force_n: [f64; 12],
     /// Force of each strut that its length gives, without damping, N.
     pub spring_n: [f64; 4],
-    /// The same for each strut's rate: force for one unit of damping, m/s.
-    pub speed_m_s: [f64; 4],
+    /// Force of each damper, N.
+    pub damper_n: [f64; 4],
     /// Strut force for 1 m/s^2, kg.
     pub strut_mass_kg: [f64; 4],
     /// Specific force, as read, m/s^2.
@@ -87,7 +87,7 @@ impl Default for RelationWindow {
             member_n: [0.0; CHANNELS],
             force_n: [0.0; 12],
             spring_n: [0.0; 4],
-            speed_m_s: [0.0; 4],
+            damper_n: [0.0; 4],
             strut_mass_kg: [0.0; 4],
             specific_force_m_s2: Vector3::zeros(),
             learnt_bias: [Vector3::zeros(); 2],
@@ -185,7 +185,7 @@ impl Fusion {
             let line = &corner.travel.strut;
             window.spring_n[wheel] +=
                 line.constant_n() - line.stiffness_n_m * 1e-3 * state[LENGTH + wheel];
-            window.speed_m_s[wheel] += 1e-3 * state[SPEED + wheel];
+            window.damper_n[wheel] -= line.damping_n_s_m * 1e-3 * state[SPEED + wheel];
             window.strut_mass_kg[wheel] += corner.travel.members[5];
             window.roads[wheel] += self.force_noise.road(wheel);
             let part = state[FORCE + 3 * wheel + 2] / self.body.static_load[wheel];
@@ -267,6 +267,7 @@ impl Fusion {
         };
         Setup {
             mass_kg: self.body.mass_kg,
+            load_n: self.body.static_load.iter().sum::<f64>() / 4.0,
             inverse: self.body.inverse,
             imu_m: calibration.imu_m,
             hitch_m: Vector3::new(
@@ -312,7 +313,7 @@ impl RelationWindow {
         long.into_iter().flatten().for_each(|value| *value *= part);
         for values in [
             &mut self.spring_n,
-            &mut self.speed_m_s,
+            &mut self.damper_n,
             &mut self.strut_mass_kg,
             &mut self.roads,
         ] {

@@ -22,6 +22,8 @@ use crate::tuning::MistakeTuning;
 pub struct Setup {
     /// Mass, kg.
     pub mass_kg: f64,
+    /// Mean static load of the wheels, N.
+    pub load_n: f64,
     /// Inverse of the inertia, 1/(kg m^2).
     pub inverse: Matrix3<f64>,
     /// Inertial unit from the centre of gravity, m.
@@ -269,7 +271,7 @@ fn covariance_of_rows(
     let tilted_n_m = tilted_moments(window, setup);
     let mut sum = [0.0; ROWS * ROWS];
     let unknown: [f64; UNKNOWNS] =
-        std::array::from_fn(|k| unknown_sigma(window, k, &tilted_n_m, t));
+        std::array::from_fn(|k| unknown_sigma(window, setup, k, &tilted_n_m, t));
     for i in 0..ROWS {
         let scaled: [f64; UNKNOWNS] =
             std::array::from_fn(|k| window.gains[i][k] * unknown[k] * unknown[k]);
@@ -334,17 +336,18 @@ fn row_variance(
     if !window.has(row) {
         return ABSENT;
     }
+    let load = setup.load_n;
     let squares = |own: f64, part: f64, density: f64| own * own + part * part * density.max(0.0);
     match row {
         0..STRUT_ROW => squares(
-            t.member_sigma_n,
+            t.member_sigma * load,
             t.road_member,
             window.roads[row / AXIAL.len()],
         ),
         STRUT_ROW..ACCEL_ROW => {
             let wheel = row - STRUT_ROW;
             let mass = window.strut_mass_kg[wheel];
-            squares(t.strut_sigma_n, t.road_member, window.roads[wheel]) / (mass * mass)
+            squares(t.strut_sigma * load, t.road_member, window.roads[wheel]) / (mass * mass)
         }
         ACCEL_ROW..TURN_ROW => {
             squares(setup.mass_kg * t.accel_sigma_m_s2, t.road_body, window.road)
@@ -361,16 +364,19 @@ fn row_variance(
 /// Standard deviation of an unknown before the readings.
 fn unknown_sigma(
     window: &RelationWindow,
+    setup: &Setup,
     unknown: usize,
     tilted_n_m: &[f64; 4],
     t: &MistakeTuning,
 ) -> f64 {
+    let load = setup.load_n;
+    let lever = load * setup.radius_m.iter().sum::<f64>() / 4.0;
     match unknown {
-        0..12 => t.force_sigma_n,
-        12..20 => math::hypot(t.moment_sigma_n_m, tilted_n_m[(unknown - 12) / 2]),
-        20..24 => t.strut_error_n + t.damping_error_n_s_m * window.speed_m_s[unknown - 20].abs(),
-        24..26 => t.torque_sigma_n_m[0],
-        _ => t.torque_sigma_n_m[1],
+        0..12 => t.force_sigma[unknown % 3] * load,
+        12..20 => math::hypot(t.moment_sigma * lever, tilted_n_m[(unknown - 12) / 2]),
+        20..24 => load * t.strut_error + t.damping_error * window.damper_n[unknown - 20].abs(),
+        24..26 => t.torque_sigma[0] * lever,
+        _ => t.torque_sigma[1] * lever,
     }
 }
 
@@ -380,7 +386,7 @@ fn tolerance(at: usize, setup: &Setup, t: &MistakeTuning) -> f64 {
         OFFSET..GAIN => setup.offset_sigma_n[at],
         GAIN..SHAPE => t.gain_tolerance,
         SHAPE..PRELOAD => t.shape_tolerance,
-        PRELOAD..RATE => t.preload_tolerance_n,
+        PRELOAD..RATE => t.preload_tolerance * setup.load_n,
         RATE..MASS => t.rate_tolerance,
         MASS => t.mass_tolerance * setup.mass_kg,
         HEIGHT => t.height_tolerance_m * setup.mass_kg,

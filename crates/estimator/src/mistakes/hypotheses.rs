@@ -128,12 +128,12 @@ impl Hypothesis {
                 Prior::known(SCALE, part, t.unit_sigma * part.abs())
             }
             Self::Hitched => {
-                let [along, across, up] = t.hitch_sigma_n;
+                let [along, across, up] = t.hitch_sigma.map(|part| part * setup.load_n);
                 Prior::centred(HITCH, [along, across, up, t.towed_sigma_kg])
             }
             Self::Strut(wheel) => Prior {
                 parameters: std::array::from_fn(|i| [PRELOAD, RATE][i.min(1)] + wheel),
-                ..Prior::centred(PRELOAD, [t.preload_sigma_n, t.rate_sigma])
+                ..Prior::centred(PRELOAD, [t.preload_sigma * setup.load_n, t.rate_sigma])
             },
         }
     }

@@ -25,10 +25,11 @@ tuning! {
         agreeing_windows: u32 = 4, "1";
         /// Mean square of the residuals of a window in agreement.
         agreeing_square: f64 = 0.5, "1";
-        /// Error of a member's force that changes from window to window.
-        member_sigma_n: f64 = 4.0, "N";
-        /// Error of the balance of a strut.
-        strut_sigma_n: f64 = 5.0, "N";
+        /// Error of a member's force that changes from window to window, as a part of the mean static load of the
+        /// wheels.
+        member_sigma: f64 = 0.004, "1";
+        /// Error of the balance of a strut, as a part of the same load.
+        strut_sigma: f64 = 0.005, "1";
         /// Error of the balance of forces, as acceleration.
         accel_sigma_m_s2: f64 = 0.04, "m/s²";
         /// Error of the balance of moments, as angular acceleration.
@@ -42,16 +43,17 @@ tuning! {
         road_turn: f64 = 1.0e-5, "√s/(N s²)";
         /// Error of the balance of moments by a ground's normal that is not known at each wheel.
         tilt_turn: f64 = 1.0, "1";
-        /// Standard deviation of a tyre's force before the readings.
-        force_sigma_n: f64 = 5.0e3, "N";
-        /// The same of a tyre's moments beyond tread and trail.
-        moment_sigma_n_m: f64 = 8.0, "N m";
-        /// Error of a strut's force.
-        strut_error_n: f64 = 10.0, "N";
-        /// Error of a damper.
-        damping_error_n_s_m: f64 = 200.0, "N s/m";
-        /// Standard deviations of the torques of the wheels: mean of an axle, and half the difference.
-        torque_sigma_n_m: [f64; 2] = [200.0, 20.0], "N m";
+        /// Standard deviations of F_x, F_y and F_z of a tyre before the readings, as parts of the same load.
+        force_sigma: [f64; 3] = [0.5, 0.5, 2.0], "1";
+        /// The same of a tyre's moments beyond tread and trail, as a part of the load times the radius.
+        moment_sigma: f64 = 0.03, "1";
+        /// Error of a strut's force, as a part of the same load.
+        strut_error: f64 = 0.01, "1";
+        /// Error of a damper, as a part of its force.
+        damping_error: f64 = 0.15, "1";
+        /// Standard deviations of the torques of the wheels: mean of an axle, and half the difference,
+        /// as parts of the load times the radius.
+        torque_sigma: [f64; 2] = [0.8, 0.08], "1";
         /// Part of the windows that counts as independent.
         independent: f64 = 0.5, "1";
         /// Mean square of the residuals beyond which a window weighs less.
@@ -60,8 +62,8 @@ tuning! {
         gain_tolerance: f64 = 0.01, "1";
         /// Tolerance of the geometry: part of a tyre's force that a member carries beyond the model.
         shape_tolerance: f64 = 0.01, "1";
-        /// Tolerance of the force of a strut.
-        preload_tolerance_n: f64 = 15.0, "N";
+        /// Tolerance of the force of a strut, as a part of the same load.
+        preload_tolerance: f64 = 0.01, "1";
         /// Tolerance of the rate of a spring.
         rate_tolerance: f64 = 0.01, "1";
         /// Tolerance of the mass, as a part of it.
@@ -100,12 +102,12 @@ tuning! {
         lever_sigma_m: f64 = 0.5, "m";
         /// How far a wrong unit may be from the factor between the units.
         unit_sigma: f64 = 0.05, "1";
-        /// Standard deviations of a force on the hitch along x, y and z.
-        hitch_sigma_n: [f64; 3] = [1000.0, 300.0, 500.0], "N";
+        /// Standard deviations of a force on the hitch along x, y and z, as parts of the same load.
+        hitch_sigma: [f64; 3] = [1.0, 0.3, 0.5], "1";
         /// Standard deviation of a mass that is towed.
         towed_sigma_kg: f64 = 300.0, "kg";
-        /// Standard deviation of the error of a strut's force.
-        preload_sigma_n: f64 = 300.0, "N";
+        /// Standard deviation of the error of a strut's force, as a part of the same load.
+        preload_sigma: f64 = 0.3, "1";
         /// Standard deviation of the error of a spring's rate.
         rate_sigma: f64 = 0.3, "1";
     }
