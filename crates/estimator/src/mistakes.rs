@@ -113,17 +113,21 @@ impl Mistakes {
     /// Whether a mistake is likely that is not certain yet.
     #[must_use]
     pub fn is_suspected(&self) -> bool {
-        let best = self.judged.first();
+        let best = self.best_mistake();
         best.is_some_and(|best| best.ratio > self.tuning.suspect_ratio)
+    }
+
+    /// The likeliest hypothesis, if it is a mistake of the configuration.
+    fn best_mistake(&self) -> Option<&Judged> {
+        let best = self.judged.first();
+        best.filter(|best| best.hypothesis.is_of_configuration())
     }
 
     fn certain(&self) -> Option<Judged> {
         let t = &self.tuning;
-        let best = self.judged.first()?;
-        let next = self
-            .judged
-            .get(1)
-            .map_or(f64::NEG_INFINITY, |next| next.ratio);
+        let best = self.best_mistake()?;
+        let next = self.judged.get(1);
+        let next = next.map_or(f64::NEG_INFINITY, |next| next.ratio);
         (best.ratio > t.report_ratio && best.ratio - next > t.lead_ratio).then_some(*best)
     }
 

@@ -174,7 +174,7 @@ impl Estimator {
         for (found, _) in found.iter().filter(|(found, _)| found.corrected) {
             let channels = match found.judged.hypothesis {
                 Hypothesis::Zeros => 0..CHANNELS,
-                Hypothesis::Offset(at) | Hypothesis::Gain(at) => at..at + 1,
+                Hypothesis::Gain(at) => at..at + 1,
                 Hypothesis::Tilted(_) | Hypothesis::Turned(_) => {
                     let turned = Rotation3::from_matrix(&c.body_from_imu).inverse();
                     let (x, y, z) = turned.euler_angles();
@@ -277,7 +277,6 @@ impl Estimator {
                     self.shift_zero(at, judged.value[at], judged.sigma[at]);
                 }
             }
-            Hypothesis::Offset(at) => self.shift_zero(at, judged.value[0], judged.sigma[0]),
             Hypothesis::Gain(at) => {
                 let gain = judged.usual_gain(t.gain_known);
                 self.change_channel(at, |channel| match gain {
@@ -334,7 +333,7 @@ impl Estimator {
                 self.mistakes.as_mut()?.scale *= factor;
                 self.motion.begin_again();
             }
-            Hypothesis::Hitched | Hypothesis::Strut(_) => return None,
+            Hypothesis::Hitched | Hypothesis::Offset(_) | Hypothesis::Strut(_) => return None,
         }
         Some(())
     }

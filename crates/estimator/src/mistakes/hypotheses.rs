@@ -94,6 +94,12 @@ impl Prior {
 }
 
 impl Hypothesis {
+    /// Whether it is a mistake of the configuration. The others are what a fault of one sensor during the drive looks
+    /// like, which the monitors of the channels report: they keep such a fault from being taken for a mistake.
+    pub(super) const fn is_of_configuration(self) -> bool {
+        !matches!(self, Self::Offset(_) | Self::Strut(_))
+    }
+
     pub(super) fn prior(self, setup: &Setup, t: &MistakeTuning) -> Prior {
         match self {
             Self::Zeros => Prior::centred(OFFSET, setup.count_n.map(|n| t.offset_counts * n.abs())),

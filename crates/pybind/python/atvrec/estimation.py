@@ -300,8 +300,8 @@ class Event:
     """Log clock when it happened, or is expected to happen, ns since 1970."""
     kind: str
     """``lift_warning``, ``lift``, ``touchdown``, ``two_wheel_lift_warning``, ``two_wheel_lift``,
-    ``surface_change``, ``sensor_fault``, ``sensor_recovered``, ``filter_reset`` or
-    ``filter_recovered``."""
+    ``surface_change``, ``sensor_fault``, ``sensor_recovered``, ``filter_reset``,
+    ``filter_recovered`` or ``mistake``."""
     text: str
     """Description, for people."""
     probability: float | None

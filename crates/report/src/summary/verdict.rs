@@ -15,6 +15,13 @@ pub fn of(drive: &Drive, summary: &Summary) -> Vec<String> {
     if changes > 0 {
         verdict.push(many(changes, "change of surface", "changes of surface"));
     }
+    for event in &drive.events {
+        if let EventKind::Mistake(subject) = &event.kind {
+            verdict.push(format!(
+                "mistake of the configuration: {subject} (see the events)"
+            ));
+        }
+    }
     let resets = count(|kind| matches!(kind, EventKind::FilterReset));
     if resets > 0 {
         verdict.push(format!(

@@ -457,6 +457,7 @@ fn events(time: LogTime) -> Vec<Record> {
         EventKind::SurfaceChange(Axle::Rear, 0.7),
         EventKind::SensorFault("crossbow".to_owned()),
         EventKind::SensorRecovered("crossbow".to_owned()),
+        EventKind::Mistake("front left upper_front: gain".to_owned()),
         EventKind::FilterReset,
         EventKind::FilterRecovered,
     ];
