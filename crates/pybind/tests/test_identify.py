@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,6 @@ import pytest
 
 import atvrec
 from atvrec import identify
-from atvrec._program import main
 
 
 @pytest.fixture
@@ -118,6 +119,11 @@ def test_a_log_is_a_drive(vehicle: atvrec.Vehicle) -> None:
         identify.cornering(drive, vehicle)
 
 
+def run(*arguments: str) -> None:
+    """Runs the program, which can run once in a process."""
+    subprocess.run([sys.executable, "-m", "atvrec._program", *arguments], check=True)
+
+
 def test_an_imported_drive_is_identified(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A table of a drive gives the stiffnesses of the drive; frames without estimates are refused."""
     monkeypatch.chdir(tmp_path)
@@ -148,16 +154,16 @@ def test_an_imported_drive_is_identified(tmp_path: Path, monkeypatch: pytest.Mon
     ]
     Path("map.toml").write_text('[time]\ncolumn = "t"\nunit = "s"\n' + "".join(columns))
     table_of = ["import", "csv", "drive.csv", "--columns", "map.toml", "--vehicle", "prowler"]
-    assert main([*table_of, "-o", "table.mcap"]) == 0
+    run(*table_of, "-o", "table.mcap")
     (ours,) = drive.identify("cornering")
     (imported,) = atvrec.open("table.mcap").identify("cornering")
     for name in ("cornering_stiffness_front", "cornering_stiffness_rear"):
         one, other = ours["findings"][name], imported["findings"][name]
         sigma = np.hypot(one["sigma"], other["sigma"])
         assert abs(one["value"] - other["value"]) < 2.0 * sigma, (one, other)
-    assert main(["export", "drive.mcap", "--raw", "candump", "-o", "drive.log"]) == 0
-    assert main(["import", "candump", "drive.log", "-o", "raw.mcap"]) == 0
-    with pytest.raises(atvrec.LogError, match="nothing was estimated; write a log with estimates"):
+    run("export", "drive.mcap", "--raw", "candump", "-o", "drive.log")
+    run("import", "candump", "drive.log", "-o", "raw.mcap")
+    with pytest.raises(atvrec.ArgumentError, match="nothing was estimated; write a log with estimates"):
         atvrec.open("raw.mcap").identify("cornering")
 
 
