@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python browser screenshots thesis rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb arm64 clean
+.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python browser screenshots thesis rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb arm64 clean wheel windows
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -40,6 +40,10 @@ unit: ## Rust tests of all crates
 
 doc:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
+
+windows: setup ## Does the Python package compile for Windows? (a minute)
+	@scripts/setup windows
+	$(CARGO) check --locked --target x86_64-pc-windows-gnu -p atvrec-pybind
 
 ratchet: venv ## Listed words, long functions and constants outside Tuning do not rise; packages stay within their budget
 	@scripts/ratchet
@@ -88,19 +92,24 @@ deb: setup ## The Debian packages: target/debian/atvrec_*.deb, and its debug inf
 arm64: setup ## The Debian package for arm64 (target/debian-arm64), tests under emulation, and whether arm64 gives the same bits (an hour; not a part of test)
 	@scripts/test-arm64
 
+wheel: ## The wheel of the Python package for manylinux_2_28, tried in an environment of its own: target/wheels
+	@scripts/wheel
+
 kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each costs, whether all logs open
 	@scripts/kills
 
 fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole of it)
 	@scripts/fuzz
 
-campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator? Damage to a log: is all of the rest saved? Forces of all truth runs, seeds 1 to 4 (target/forces.md, target/forces-compact.md, target/forces-second.md, target/forces-second-links.md)
+campaigns: setup windows ## Does Spark read datasets? Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator? Damage to a log: is all of the rest saved? Forces of all truth runs, seeds 1 to 4 (target/forces.md, target/forces-compact.md, target/forces-second.md, target/forces-second-links.md)
 	$(CARGO) test --locked -p atvrec-estimator --test suite -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec --test suite campaign_of -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec-store --test suite campaign_of -- --ignored --nocapture
 	$(CARGO) build --locked --release -p atvrec
 	scripts/score-runs -o target/forces.md --compact target/forces-compact.md ../shared/data/truth/[bcdf]_*.parquet ../shared/data/truth-rough/*.parquet
 	scripts/score-runs --vehicle testdata/second-vehicle-plain.toml --sensors thesis-10bit -o target/forces-second.md ../shared/data/truth-second/[fr]*_a.parquet
+	@scripts/setup spark
+	target/venv-spark/bin/python scripts/read-spark.py target/release/atvrec
 	scripts/score-runs --vehicle second-vehicle --sensors second-vehicle-10bit,second-vehicle-16bit -o target/forces-second-links.md ../shared/data/truth-second/[fr]*_a.parquet
 
 golden: ## Write the golden estimates again (testdata/golden); review the difference

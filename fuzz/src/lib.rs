@@ -2,10 +2,13 @@
 //! headers) that let the fuzzer reach what stands behind them.
 
 use std::fmt::Debug;
+use std::io::Cursor;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use crc::{Algorithm, CRC_16_XMODEM, CRC_32_ISO_HDLC, Crc, Table};
+use wire::can_log::{self, Format, Record, Summary};
 use wire::{Item, Statistics};
 
 /// Decodes `data` behind its first byte in one piece and in pieces of that many bytes: what comes
@@ -181,4 +184,40 @@ pub fn read_all(path: &std::path::Path) {
         let _ = message.record();
     }
     let _ = reader.estimates().count();
+}
+
+/// Reads a log of CAN frames: all of it, and as far as its middle. The frames are possible, and the summary
+/// counts them.
+pub fn can_log(format: Format, bytes: &[u8]) {
+    let (frames, summary) = can_log_until(format, bytes, u64::MAX);
+    let (first, _) = can_log_until(format, bytes, frames.len() as u64 / 2 + 1);
+    assert_eq!(first[..], frames[..first.len()]);
+    let Some(summary) = summary else { return };
+    assert_eq!(summary.frames, frames.len() as u64);
+    assert!(summary.defects.len() as u64 <= summary.defect_count);
+    for entry in &frames {
+        assert!(entry.frame.bytes().len() <= 64);
+        assert!(entry.frame.id < 1 << 29, "{:x}", entry.frame.id);
+        let channel = entry.channel.map_or(0, usize::from);
+        assert!(entry.channel.is_none() || channel < summary.channels.len());
+    }
+}
+
+/// At most this many frames of a log, and its summary if it can be read.
+fn can_log_until(
+    format: Format,
+    bytes: &[u8],
+    most: u64,
+) -> (Vec<can_log::Entry>, Option<Summary>) {
+    let mut frames = Vec::new();
+    let read = can_log::read(format, &mut Cursor::new(bytes), &mut |record| {
+        if let Record::Frame(entry) = record {
+            frames.push(entry);
+        }
+        match (frames.len() as u64) < most {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        }
+    });
+    (frames, read.ok())
 }

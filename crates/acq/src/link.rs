@@ -4,31 +4,7 @@
 use socketcan::nl::{CanBitTiming, CanCtrlModes, InterfaceCanParams};
 use socketcan::{CanCtrlMode, CanInterface};
 
-/// How a CAN interface is brought up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LinkSpec {
-    /// Bit rate, bit/s. `None` for interfaces without one (vcan).
-    pub bit_rate: Option<u32>,
-    /// Bit rate of the data phase of CAN FD, bit/s; `None` leaves FD off.
-    pub data_bit_rate: Option<u32>,
-    /// Time after bus-off before the controller goes on the bus again, ms.
-    pub restart_ms: u32,
-    /// Do not acknowledge frames.
-    pub listen_only: bool,
-}
-
-impl LinkSpec {
-    /// Classic CAN at `bit_rate`, restarted 100 ms after bus-off.
-    #[must_use]
-    pub const fn new(bit_rate: u32) -> Self {
-        Self {
-            bit_rate: Some(bit_rate),
-            data_bit_rate: None,
-            restart_ms: 100,
-            listen_only: false,
-        }
-    }
-}
+use crate::LinkSpec;
 
 /// Why an interface cannot be brought up.
 #[derive(Debug, thiserror::Error)]

@@ -2,20 +2,10 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
-use std::time::Duration;
 
 use sample::{Arrival, CanFrame, LogTime, LossPlace, Notice, Payload, SourceId};
 
-use crate::Reading;
-
-/// How much of the stream is kept in memory.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RingLimits {
-    /// Time on the log clock.
-    pub duration: Duration,
-    /// Memory, bytes; where it does not hold the time, the oldest goes.
-    pub bytes: usize,
-}
+use crate::{Reading, RingLimits};
 
 /// The last arrivals, and the states that lasted before the first of them.
 #[derive(Debug, Default)]
@@ -158,6 +148,8 @@ fn memory(arrival: &Arrival) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     fn arrival(sequence: u64, payload: Payload) -> Arc<Arrival> {

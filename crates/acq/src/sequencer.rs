@@ -5,13 +5,11 @@ mod state;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-pub use crate::ring::RingLimits;
-
 use sample::{Arrival, LogTime, Notice, Payload, SourceId};
 use store::LossLedger;
 use tokio::sync::mpsc;
 
-use crate::LogClock;
+use crate::{LogClock, RingLimits};
 use state::State;
 
 /// How many arrivals each consumer may lag behind.

@@ -1,12 +1,10 @@
-//! What to open and how: the resolved form of a configuration's sources.
+//! What to open and how: the resolved form of a configuration's sources. It compiles on every system.
 
 use std::path::PathBuf;
 use std::time::Duration;
 
 use sample::SourceId;
 use wire::crossbow440;
-
-use crate::LinkSpec;
 
 /// One source.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +19,7 @@ pub struct SourceSpec {
 
 impl SourceSpec {
     /// Whether both open the same device in the same way under the same name.
+    #[cfg(target_os = "linux")]
     pub(crate) fn is_same_device(&self, other: &Self) -> bool {
         self.name == other.name && self.kind == other.kind
     }
@@ -74,6 +73,32 @@ impl CanSpec {
             receive_buffer_bytes: 8 << 20,
             read_within: Duration::from_millis(4),
             link: None,
+        }
+    }
+}
+
+/// How a CAN interface is brought up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LinkSpec {
+    /// Bit rate, bit/s. `None` for interfaces without one (vcan).
+    pub bit_rate: Option<u32>,
+    /// Bit rate of the data phase of CAN FD, bit/s; `None` leaves FD off.
+    pub data_bit_rate: Option<u32>,
+    /// Time after bus-off before the controller goes on the bus again, ms.
+    pub restart_ms: u32,
+    /// Do not acknowledge frames.
+    pub listen_only: bool,
+}
+
+impl LinkSpec {
+    /// Classic CAN at `bit_rate`, restarted 100 ms after bus-off.
+    #[must_use]
+    pub const fn new(bit_rate: u32) -> Self {
+        Self {
+            bit_rate: Some(bit_rate),
+            data_bit_rate: None,
+            restart_ms: 100,
+            listen_only: false,
         }
     }
 }
@@ -168,4 +193,13 @@ pub enum Setup {
     /// Crossbow 440: find the line speed, then ask for packets. A unit that falls silent is set up
     /// again; one that takes no commands is listened to at the port's own speed.
     Crossbow440(crossbow440::SetupOptions),
+}
+
+/// How much of the stream is kept in memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RingLimits {
+    /// Time on the log clock.
+    pub duration: Duration,
+    /// Memory, bytes; where it does not hold the time, the oldest goes.
+    pub bytes: usize,
 }

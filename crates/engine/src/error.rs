@@ -200,8 +200,9 @@ pub enum Error {
     },
     /// The log's configuration names no vehicle.
     #[error(
-        "the configuration in the log has no vehicle, so that nothing was estimated; replay it with \
-         --config"
+        "the configuration in the log has no vehicle, so that nothing was estimated; write a log with estimates \
+         by `atvrec replay --config FILE -o NEW`, with a configuration that has a vehicle and the roles of the \
+         signals"
     )]
     NoVehicle,
     /// The configuration of a log has errors.

@@ -4,19 +4,19 @@
 //! name beside its target while it is written, and is renamed in one step when it is complete and
 //! synced. A killed command leaves `NAME.partial-PID`, or `NAME.mcap.active` for a log.
 
+mod device;
 mod folder;
 mod log_file;
 
 use std::error::Error as StdError;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
-use std::os::fd::AsFd;
-use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
 use store::{ACTIVE_SUFFIX, Options, Session, Writer};
 
 use crate::{Error, Result};
+use device::Device;
 pub use folder::Folder;
 pub use log_file::LogFile;
 
@@ -190,15 +190,6 @@ pub struct Target {
     inputs: Vec<PathBuf>,
 }
 
-/// A target that is not a regular file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Device {
-    StandardOutput,
-    StandardError,
-    /// A character device, FIFO or socket.
-    Other,
-}
-
 impl Target {
     /// Checks an output before the command starts its work. `inputs` are all files that the command
     /// reads.
@@ -219,7 +210,7 @@ impl Target {
             force,
             inputs: inputs.into_iter().map(Path::to_owned).collect(),
         };
-        target.device = target.find_device()?;
+        target.device = Device::find(path)?;
         if target.device.is_none() {
             target.check(kind)?;
         } else if kind == Kind::Log {
@@ -237,28 +228,6 @@ impl Target {
     pub fn has_extension(&self, extension: &str) -> bool {
         let found = self.path.extension();
         found.is_some_and(|found| found.eq_ignore_ascii_case(extension))
-    }
-
-    fn find_device(&self) -> Result<Option<Device>> {
-        match self.path.to_str() {
-            Some("/dev/stdout" | "/dev/fd/1" | "/proc/self/fd/1") => {
-                return Ok(Some(Device::StandardOutput));
-            }
-            Some("/dev/stderr" | "/dev/fd/2" | "/proc/self/fd/2") => {
-                return Ok(Some(Device::StandardError));
-            }
-            _ => {}
-        }
-        let Ok(found) = std::fs::metadata(&self.path) else {
-            return Ok(None);
-        };
-        let of = found.file_type();
-        if of.is_block_device() {
-            let path = self.path.clone();
-            return Err(TargetError::Disk { path }.into());
-        }
-        let other = of.is_char_device() || of.is_fifo() || of.is_socket();
-        Ok(other.then_some(Device::Other))
     }
 
     fn check(&self, kind: Kind) -> Result<()> {
@@ -300,14 +269,11 @@ impl Target {
 
     /// Rejects a path that leads to an input, under any name.
     fn check_inputs(&self, path: &Path) -> Result<()> {
-        let Ok(found) = std::fs::metadata(path) else {
-            return Ok(());
-        };
-        let is_same = |input: &&PathBuf| {
-            std::fs::metadata(input)
-                .is_ok_and(|other| (other.dev(), other.ino()) == (found.dev(), found.ino()))
-        };
-        match self.inputs.iter().find(is_same) {
+        match self
+            .inputs
+            .iter()
+            .find(|input| store::is_same_file(path, input))
+        {
             Some(input) => {
                 let (path, input) = (path.to_owned(), input.clone());
                 Err(TargetError::Input { path, input }.into())
@@ -341,8 +307,8 @@ impl Target {
         write: impl FnOnce(File) -> std::result::Result<(), WriteError>,
     ) -> Result<()> {
         let written = match self.device {
-            Some(device) => self
-                .open(device)
+            Some(device) => device
+                .open(&self.path)
                 .map_err(WriteError::from)
                 .and_then(write)
                 .or_else(ignore_closed_pipe),
@@ -354,18 +320,6 @@ impl Target {
         })
     }
 
-    fn open(&self, device: Device) -> std::io::Result<File> {
-        Ok(match device {
-            Device::StandardOutput => {
-                let mut output = std::io::stdout().lock();
-                output.flush()?;
-                output.as_fd().try_clone_to_owned()?.into()
-            }
-            Device::StandardError => std::io::stderr().as_fd().try_clone_to_owned()?.into(),
-            Device::Other => OpenOptions::new().write(true).open(&self.path)?,
-        })
-    }
-
     fn write_file(
         &self,
         write: impl FnOnce(File) -> std::result::Result<(), WriteError>,
@@ -374,7 +328,7 @@ impl Target {
         write(partial.file.try_clone()?)?;
         partial.file.sync_all()?;
         partial.rename_to(&self.resolved, self.force)?;
-        File::open(self.directory())?.sync_all()?;
+        store::sync_folder(self.directory())?;
         Ok(())
     }
 

@@ -42,8 +42,8 @@ pub fn read_drive(
     what: &str,
     senses: &[Sense],
 ) -> Result<Recorded> {
-    require(reader, what, senses)?;
     let vehicle = vehicle_of(reader, given)?;
+    require(reader, what, senses)?;
     let grid = Grid::read(reader, MOTION, window)?;
     let each = |name: &str| grid.column(name);
     let wheels = |name: &str| PerWheel(WHEELS.map(|wheel| each(&format!("{wheel}.{name}"))));

@@ -10,6 +10,7 @@ use estimator::MistakeReport;
 use sample::{Arrival, LogTime, Payload};
 use store::{LogWriter, Missing, Options, Reader, Record, Selection, Session, Stage};
 
+use crate::config::{Meaning, Source};
 use crate::feed::Entry;
 use crate::read_ahead::ReadAhead;
 use crate::session;
@@ -116,7 +117,11 @@ impl<'r> Replay<'r> {
                 let options = log_options.clone();
                 let encoder = LogWriter::new(std::io::sink(), session.clone(), options, 0)?;
                 let left_out = LeftOut::with(config.clone(), reader);
-                Some(Verifier::new(reader, encoder, &left_out))
+                let mut verifier = Verifier::new(reader, encoder, &left_out);
+                if let Some(origin) = original.origin.clone().filter(|origin| origin.is_continued) {
+                    verifier.continued(origin, has_table(config));
+                }
+                Some(verifier)
             }
             false => None,
         };
@@ -162,13 +167,6 @@ impl<'r> Replay<'r> {
     ) -> std::result::Result<Replayed, E> {
         let mut done = Replayed::default();
         let skipped = skipped(self.reader)?;
-        let origin = self.reader.session().origin.clone();
-        if let (Some(origin), Some(verifier)) = (
-            origin.filter(|origin| origin.is_continued),
-            &mut self.verifier,
-        ) {
-            verifier.continued(origin);
-        }
         let mut truth = self.options.truth.then(|| Truth::of(self.reader));
         let ahead = ReadAhead::start(self.reader.arrivals(), |arrivals| arrivals.missing());
         while let Some(batch) = ahead.next() {
@@ -376,6 +374,12 @@ pub(crate) fn skipped(reader: &Reader) -> Result<Skipped> {
         }
     }
     Ok(skipped)
+}
+
+/// Whether a source is a table of another program.
+fn has_table(config: &Config) -> bool {
+    let is_table = |source: &Source| matches!(source.meaning, Meaning::Csv(_) | Meaning::Alog(_));
+    config.sources.iter().any(is_table)
 }
 
 /// Checks that the sources of the log have the same numbers in the configuration.

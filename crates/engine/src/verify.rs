@@ -19,6 +19,21 @@ use comparison::{Comparison, Waiting};
 const REPORTED_MAX: usize = 3;
 /// Topics of decoded CAN messages.
 const CAN: &str = "/can/";
+/// Beginnings of the topics of other measurements whose values do not depend on data of more than some seconds
+/// before them, unless a table has held values. Their times of validity can depend on the fit of a device's clock.
+const MEASURED: [&str; 9] = [
+    "/control/",
+    "/deflection",
+    "/gnss/",
+    "/ground_speed",
+    "/hub_acceleration",
+    "/imu/",
+    "/steer",
+    "/strain",
+    "/wheel_speed",
+];
+/// End of the topics of fixes, which have the offset of UTC.
+const FIX: &str = "/fix";
 /// Time after the begin of a log that continues another run until messages of several frames are complete.
 const SETTLED_NANOS: i64 = 2 * NANOS_PER_SECOND;
 /// Most messages of a decoded record.
@@ -42,8 +57,8 @@ enum Step {
     BeginningMissing(u64),
     /// Number of the last arrival of a log without its end.
     EndMissing(u64),
-    /// The log continues another run.
-    Continued(Origin),
+    /// The log continues another run, and whether a source of it is a table.
+    Continued(Origin, bool),
 }
 
 impl Verifier {
@@ -59,7 +74,7 @@ impl Verifier {
                     Step::ArrivalsMissing(first, time) => comparison.arrivals_missing(first, time),
                     Step::BeginningMissing(first) => comparison.beginning_missing(first),
                     Step::EndMissing(last) => comparison.end_missing(last),
-                    Step::Continued(origin) => comparison.continued(origin),
+                    Step::Continued(origin, has_table) => comparison.continued(origin, has_table),
                 }
             }
             comparison.finish()
@@ -87,8 +102,9 @@ impl Verifier {
     }
 
     /// Reports that the log is a stretch of a run that has earlier data, on which everything can depend.
-    pub fn continued(&mut self, origin: Origin) {
-        self.comparing.push(Step::Continued(origin));
+    /// `has_table`: a source is a table, whose held values depend on its earlier rows.
+    pub fn continued(&mut self, origin: Origin, has_table: bool) {
+        self.comparing.push(Step::Continued(origin, has_table));
     }
 
     /// Compares the records of the arrival at `now`.
@@ -133,6 +149,8 @@ pub struct Verification {
     ends_before: Option<u64>,
     /// The run that the log is a stretch of, if it has earlier data.
     continued: Option<Origin>,
+    /// A source of the log is a table.
+    has_table: bool,
     /// Lost decoded records by the counters of the log.
     lost_records: u64,
     unfinished: bool,
@@ -173,11 +191,17 @@ impl Verification {
     fn settle(&mut self, topic: &str, time: LogTime, waiting: Waiting) {
         let mut recorded = waiting.recorded.into_iter();
         let mut computed = waiting.computed.into_iter();
-        let behind_gap =
-            self.gap.is_some_and(|(_, since)| time >= since) && !self.is_independent(topic, time);
+        let is_independent = self.is_independent(topic, time);
+        let behind_gap = self.gap.is_some_and(|(_, since)| time >= since) && !is_independent;
         loop {
             let what = match (recorded.next(), computed.next()) {
                 (None, None) => return,
+                (Some(recorded), Some(computed))
+                    if is_independent && recorded.data == computed.data =>
+                {
+                    self.uncertain += 1;
+                    continue;
+                }
                 (Some(_), _) if behind_gap => {
                     self.uncertain += 1;
                     continue;
@@ -203,11 +227,14 @@ impl Verification {
         }
     }
 
-    /// Whether a message of a log that continues another run does not depend on the data before the log: a CAN
-    /// message is decoded from its frames alone.
+    /// Whether the values of a message of a log that continues another run do not depend on the data before the
+    /// log.
     fn is_independent(&self, topic: &str, time: LogTime) -> bool {
         let since = |origin: &Origin| time >= origin.from + SETTLED_NANOS;
-        self.continued.as_ref().is_some_and(since) && topic.starts_with(CAN)
+        let is_measured = !self.has_table
+            && MEASURED.iter().any(|begin| topic.starts_with(begin))
+            && !topic.ends_with(FIX);
+        self.continued.as_ref().is_some_and(since) && (topic.starts_with(CAN) || is_measured)
     }
 
     fn count(&mut self, topic: &str) {
@@ -333,13 +360,17 @@ impl Verification {
         writeln!(
             f,
             "VERIFIED IN PART: the log continues the run {} from {} s on: {} messages on {} topics are \
-             bit-identical, among them every decoded CAN message after the first {} s. {} messages, such as \
-             estimates, depend on the data before this time, which are not in the log, and cannot be compared; \
+             bit-identical, and no {} after the first {} s has other values. {} messages, such as estimates, depend on the data before this time, which are not in the log, and cannot be compared; \
              verify the whole run",
             printable(&origin.run_id),
             origin.from,
             Self::sum(&self.compared),
             self.compared.len(),
+            if self.has_table {
+                "decoded CAN message"
+            } else {
+                "decoded message"
+            },
             SETTLED_NANOS / NANOS_PER_SECOND,
             self.uncertain
         )

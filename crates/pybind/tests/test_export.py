@@ -412,11 +412,14 @@ def check_bag(log: Path, found: dict[str, list[tuple[int, Any]]]) -> None:
         assert {m.header.frame_id for _, m in ours} == {f"wheel_{name}"}
 
 
-def test_asammdf_reads_the_mf4_file(program: str, logs: list[Path], tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [(), ("--compress",)])
+def test_asammdf_reads_the_mf4_file(
+    program: str, logs: list[Path], tmp_path: Path, options: tuple[str, ...]
+) -> None:
     from asammdf import MDF
 
     out = tmp_path / "drive.mf4"
-    run(program, "export", logs[0], "-o", out)
+    run(program, "export", logs[0], "-o", out, *options)
     with MDF(out) as mdf:
         assert mdf.version == "4.10"
         groups = {group.channel_group.acq_name: at for at, group in enumerate(mdf.groups)}
@@ -471,7 +474,10 @@ def test_asammdf_reads_the_mf4_file(program: str, logs: list[Path], tmp_path: Pa
         assert 0 < len(counts) < len(strain)
 
 
-def test_asammdf_reads_a_group_of_several_blocks(program: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [(), ("--compress",)])
+def test_asammdf_reads_a_group_of_several_blocks(
+    program: str, tmp_path: Path, options: tuple[str, ...]
+) -> None:
     from asammdf import MDF
     from google.protobuf.wrappers_pb2 import DoubleValue
     from mcap_protobuf.writer import Writer
@@ -482,7 +488,7 @@ def test_asammdf_reads_a_group_of_several_blocks(program: str, tmp_path: Path) -
         for row in range(count):
             time_ns = 1_700_000_000_000_000_000 + row * 1_000_000
             writer.write_message("/values", DoubleValue(value=row / 3), time_ns, time_ns)
-    run(program, "export", log, "-o", out)
+    run(program, "export", log, "-o", out, *options)
     with MDF(out) as mdf:
         values = mdf.get("value", group=0)
         same(values.samples, np.arange(count) / 3)
@@ -496,6 +502,14 @@ def test_asammdf_reads_a_group_of_several_blocks(program: str, tmp_path: Path) -
     _, number, *positions = struct.unpack_from(f"<II{len(blocks)}Q", data, at + 24 + 8 * links)
     assert number == len(blocks) > 1
     assert at + length <= len(data)
-    sizes = [struct.unpack_from("<Q", data, block + 8)[0] - 24 for block in blocks]
+    if options:
+        kinds = [data[block + 2 : block + 4] for block in blocks]
+        assert kinds == [b"DZ"] * len(blocks)
+        # Length of the data before compression.
+        sizes = [struct.unpack_from("<Q", data, block + 32)[0] for block in blocks]
+        assert max(sizes) <= 4 << 20
+        assert len(data) < count * 3 * 8 / 2
+    else:
+        sizes = [struct.unpack_from("<Q", data, block + 8)[0] - 24 for block in blocks]
     assert positions == [sum(sizes[:n]) for n in range(len(sizes))]
     assert sum(sizes) == count * 3 * 8

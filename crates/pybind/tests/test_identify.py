@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -114,6 +117,54 @@ def test_a_log_is_a_drive(vehicle: atvrec.Vehicle) -> None:
     assert len(drive) > 300
     with pytest.raises(atvrec.DataError, match=r"s of usable data, 6\.0 s are needed"):
         identify.cornering(drive, vehicle)
+
+
+def run(*arguments: str) -> None:
+    """Runs the program, which can run once in a process."""
+    subprocess.run([sys.executable, "-m", "atvrec._program", *arguments], check=True)
+
+
+def test_an_imported_drive_is_identified(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table of a drive gives the stiffnesses of the drive; frames without estimates are refused."""
+    monkeypatch.chdir(tmp_path)
+    atvrec.simulate("slow-sine", "drive.mcap", seed=11)
+    drive = atvrec.open("drive.mcap")
+    fields = {
+        "/imu/imu.specific_force_m_s2.x": ("acceleration.x", "m/s^2"),
+        "/imu/imu.specific_force_m_s2.y": ("acceleration.y", "m/s^2"),
+        "/imu/imu.specific_force_m_s2.z": ("acceleration.z", "m/s^2"),
+        "/imu/imu.angular_rate_rad_s.x": ("rate.x", "rad/s"),
+        "/imu/imu.angular_rate_rad_s.y": ("rate.y", "rad/s"),
+        "/imu/imu.angular_rate_rad_s.z": ("rate.z", "rad/s"),
+        "/steer.steering_wheel_rad": ("steer", "rad"),
+    }
+    velocity = {
+        "/gnss/novatel/velocity.velocity_m_s.east": ("gnss.velocity_east", "m/s"),
+        "/gnss/novatel/velocity.velocity_m_s.north": ("gnss.velocity_north", "m/s"),
+        "/gnss/novatel/velocity.velocity_m_s.up": ("gnss.velocity_up", "m/s"),
+    }
+    table = drive.frame(list(fields), rate_hz=100).join(drive.frame(list(velocity)), how="outer")
+    chosen = fields | velocity
+    table = table[list(chosen)].set_axis([quantity for quantity, _ in chosen.values()], axis=1)
+    table.index = (table.index - table.index[0]).total_seconds()
+    table.to_csv("drive.csv", index_label="t", float_format="%.9f")
+    columns = [
+        f'[column.c{at}]\nfrom = "{quantity}"\nquantity = "{quantity}"\nunit = "{unit}"\n'
+        for at, (quantity, unit) in enumerate(chosen.values())
+    ]
+    Path("map.toml").write_text('[time]\ncolumn = "t"\nunit = "s"\n' + "".join(columns))
+    table_of = ["import", "csv", "drive.csv", "--columns", "map.toml", "--vehicle", "prowler"]
+    run(*table_of, "-o", "table.mcap")
+    (ours,) = drive.identify("cornering")
+    (imported,) = atvrec.open("table.mcap").identify("cornering")
+    for name in ("cornering_stiffness_front", "cornering_stiffness_rear"):
+        one, other = ours["findings"][name], imported["findings"][name]
+        sigma = np.hypot(one["sigma"], other["sigma"])
+        assert abs(one["value"] - other["value"]) < 2.0 * sigma, (one, other)
+    run("export", "drive.mcap", "--raw", "candump", "-o", "drive.log")
+    run("import", "candump", "drive.log", "-o", "raw.mcap")
+    with pytest.raises(atvrec.ArgumentError, match="nothing was estimated; write a log with estimates"):
+        atvrec.open("raw.mcap").identify("cornering")
 
 
 def test_a_pendulum_tells_its_inertia() -> None:

@@ -57,6 +57,10 @@ pub(crate) struct Unfinished {
 
 /// Where the file that is being written is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(
+    not(unix),
+    allow(dead_code, reason = "other systems do not tell that a file was moved")
+)]
 pub(crate) enum Presence {
     /// Under its name.
     Named,
@@ -148,9 +152,35 @@ pub(crate) fn sync_directory(path: &Path) -> Result<()> {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    File::open(directory)
-        .and_then(|directory| directory.sync_all())
-        .map_err(Error::file("sync the directory", directory))
+    sync_folder(directory).map_err(Error::file("sync the directory", directory))
+}
+
+/// Writes the entries of a directory to the disk. Systems other than Unix have no such operation.
+///
+/// # Errors
+/// The error of the operating system. A file system that cannot sync a directory is no error.
+#[cfg_attr(not(unix), allow(clippy::unnecessary_wraps, unused_variables))]
+pub fn sync_folder(directory: &Path) -> std::io::Result<()> {
+    #[cfg(unix)]
+    match File::open(directory)?.sync_all() {
+        Err(error) if error.kind() == ErrorKind::InvalidInput => {}
+        result => return result,
+    }
+    Ok(())
+}
+
+/// Whether both names are of the same file.
+#[must_use]
+pub fn is_same_file(one: &Path, other: &Path) -> bool {
+    #[cfg(unix)]
+    let identity = |path| {
+        use std::os::unix::fs::MetadataExt as _;
+        let metadata = std::fs::metadata(path).ok()?;
+        Some((metadata.dev(), metadata.ino()))
+    };
+    #[cfg(not(unix))]
+    let identity = |path: &Path| path.canonicalize().ok();
+    identity(one).is_some_and(|found| identity(other) == Some(found))
 }
 
 /// The name that a log gets when it is whole.

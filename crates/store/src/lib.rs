@@ -50,7 +50,7 @@ pub use earlier::{same_force_values, same_health_without_late};
 pub use error::{Error, Result};
 pub use file::{
     ACTIVE_SUFFIX, DAMAGED_SUFFIX, Finished, LOSSES_SUFFIX, UNRECOVERABLE_SUFFIX, Writer,
-    losses_path, part_path,
+    is_same_file, losses_path, part_path, sync_folder,
 };
 pub use ledger::{LossLedger, Losses};
 pub use log_writer::LogWriter;

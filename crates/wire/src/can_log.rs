@@ -55,7 +55,7 @@ pub struct Entry {
     pub channel: Option<u16>,
     /// `None`: not in the file.
     pub direction: Option<Direction>,
-    /// Data length code (0 to 15), if the file has it.
+    /// Data length code as it is in the file, if the file has it. Binary files can have one above 15.
     pub dlc: Option<u8>,
     /// Frame. Its `kernel_ns` is `None`.
     pub frame: CanFrame,
@@ -208,6 +208,22 @@ pub fn read(
         Format::Blf => blf::read(input, sink),
         Format::Mf4 => mf4::read(input, sink),
         Format::Other(found, help) => Err(Error::NotRead { found, help }),
+    }
+}
+
+/// As [`read`], for a file whose summary is known: the summary has no [`Summary::style`] then, and counts
+/// no [`Summary::restyled`] lines.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_frames(
+    format: Format,
+    input: &mut (impl Read + Seek),
+    sink: &mut Sink<'_>,
+) -> Result<Summary, Error> {
+    match format {
+        Format::Candump => candump::read_frames(input, sink),
+        other => read(other, input, sink),
     }
 }
 

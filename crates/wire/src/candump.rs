@@ -11,6 +11,8 @@ use sample::{CanFlags, CanFrame};
 
 /// Flag of error frames in an identifier (`CAN_ERR_FLAG` of `linux/can.h`).
 const ERROR_FLAG: u32 = 0x2000_0000;
+/// Most bytes of a frame.
+const MAX_BYTES: usize = 64;
 
 /// One line of a candump log.
 #[derive(Clone, Debug, PartialEq)]
@@ -165,34 +167,33 @@ pub(crate) const LOWER: &[u8; 16] = b"0123456789abcdef";
 /// frame.
 pub(crate) fn write_frame(text: &mut Vec<u8>, frame: &CanFrame, fd_bits: u8, digits: &[u8; 16]) {
     let flags = frame.flags;
-    let mut push = |value: u32, places: u32| {
-        let shifts = (0..places).rev();
-        text.extend(shifts.map(|place| digits[(value >> (4 * place) & 15) as usize]));
+    let digit = |value: u8| digits[usize::from(value & 15)];
+    let (id, places) = match (flags.error, flags.extended) {
+        (true, _) => (frame.id | ERROR_FLAG, 8),
+        (false, true) => (frame.id, 8),
+        (false, false) => (frame.id, 3),
     };
-    match (flags.error, flags.extended) {
-        (true, _) => push(frame.id | ERROR_FLAG, 8),
-        (false, true) => push(frame.id, 8),
-        (false, false) => push(frame.id, 3),
-    }
+    let id: [u8; 8] = std::array::from_fn(|place| digit((id >> (28 - 4 * place)) as u8));
+    text.extend_from_slice(&id[8 - places..]);
     text.push(b'#');
     if flags.fd {
         let bits = u8::from(flags.bit_rate_switch) | u8::from(flags.error_state) << 1;
-        text.extend([b'#', digits[usize::from((bits | fd_bits) & 15)]]);
+        text.extend_from_slice(&[b'#', digit(bits | fd_bits)]);
     }
     if flags.remote {
         text.push(b'R');
         if frame.len > 0 {
-            text.push(digits[usize::from(frame.len & 15)]);
+            text.push(digit(frame.len));
         }
     }
-    for byte in frame.bytes() {
-        text.extend([
-            digits[usize::from(byte >> 4)],
-            digits[usize::from(byte & 15)],
-        ]);
+    let mut pairs = [[0; 2]; MAX_BYTES];
+    let bytes = frame.bytes();
+    for (pair, byte) in pairs.iter_mut().zip(bytes) {
+        *pair = [digit(byte >> 4), digit(*byte)];
     }
+    text.extend_from_slice(pairs[..bytes.len()].as_flattened());
     if frame.len8_dlc > 8 {
-        text.extend([b'_', digits[usize::from(frame.len8_dlc & 15)]]);
+        text.extend_from_slice(&[b'_', digit(frame.len8_dlc)]);
     }
 }
 
@@ -212,13 +213,25 @@ fn parse_stamp(word: &str) -> Option<i64> {
 
 /// Value of a hexadecimal digit.
 pub(crate) const fn nibble(digit: u8) -> Option<u8> {
-    match digit {
-        b'0'..=b'9' => Some(digit - b'0'),
-        b'a'..=b'f' => Some(digit - b'a' + 10),
-        b'A'..=b'F' => Some(digit - b'A' + 10),
-        _ => None,
+    match NIBBLES[digit as usize] {
+        NO_DIGIT => None,
+        value => Some(value),
     }
 }
+
+/// Entry of [`NIBBLES`] of a byte that is no digit.
+const NO_DIGIT: u8 = u8::MAX;
+/// Values of hexadecimal digits.
+const NIBBLES: [u8; 256] = {
+    let mut values = [NO_DIGIT; 256];
+    let mut value = 0;
+    while value < 16 {
+        values[UPPER[value] as usize] = value as u8;
+        values[LOWER[value] as usize] = value as u8;
+        value += 1;
+    }
+    values
+};
 
 /// Bytes of two digits each, with or without a dot before each byte but the first; their number.
 fn hex_bytes(mut text: &[u8], bytes: &mut [u8]) -> Option<u8> {

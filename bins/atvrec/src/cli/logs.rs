@@ -349,6 +349,9 @@ pub struct ExportArgs {
     /// option, text or bytes go to standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Compress the data of a .mf4 file.
+    #[arg(long, requires = "output", conflicts_with_all = ["all", "raw", "ros2"])]
+    pub compress: bool,
     /// Ignore earlier data; seconds from the start of the log.
     #[arg(long = "from", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: Option<f64>,

@@ -20,8 +20,9 @@ pub fn run(args: &CutArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let excerpt = Excerpt::new(&reader, from, to)?;
     let interrupt = Interrupt::listen()?;
     let progress = Progress::seconds("cut", to.seconds_since(from), quiet);
-    write(excerpt, &target, &interrupt, Some(&progress))?;
+    let written = write(excerpt, &target, &interrupt, Some(&progress))?;
     progress.finish();
+    print(target.path(), &written);
     tell_missing(&reader);
     Ok(Outcome::Good)
 }
@@ -38,13 +39,20 @@ pub fn target(output: &Path, logs: &[PathBuf], force: bool) -> engine::Result<Ta
     Target::new(output, Kind::Log, force, logs.iter().map(PathBuf::as_path))
 }
 
-/// Writes a stretch, and prints what it has.
+/// A log that was written.
+pub struct Written {
+    copied: Copied,
+    span_s: f64,
+    bytes: u64,
+}
+
+/// Writes a stretch.
 pub fn write(
     excerpt: Excerpt,
     target: &Target,
     interrupt: &Interrupt,
     progress: Option<&Progress>,
-) -> anyhow::Result<Copied> {
+) -> anyhow::Result<Written> {
     let mut log: LogFile = target.log(excerpt.session().clone(), excerpt.log_options().clone())?;
     let mut span = None;
     let copied = excerpt.copy_to(&mut log, |time| -> anyhow::Result<()> {
@@ -56,14 +64,25 @@ pub fn write(
         }
         Ok(())
     })?;
-    let finished = log.finish()?;
+    let bytes = log.finish()?.bytes;
     let span_s = span.map_or(0.0, |(first, last)| last.seconds_since(first));
+    Ok(Written {
+        copied,
+        span_s,
+        bytes,
+    })
+}
+
+/// Prints what a log has.
+pub fn print(path: &Path, written: &Written) {
+    let copied = &written.copied;
     println!(
-        "{}: {span_s:.1} s, {} arrivals, {} decoded and estimated messages, {:.1} MB",
-        finished.path.display(),
+        "{}: {:.1} s, {} arrivals, {} decoded and estimated messages, {:.1} MB",
+        path.display(),
+        written.span_s,
         copied.arrivals,
         copied.records,
-        finished.bytes as f64 / 1e6
+        written.bytes as f64 / 1e6
     );
     if copied.foreign > 0 {
         println!(
@@ -71,5 +90,4 @@ pub fn write(
             copied.foreign
         );
     }
-    Ok(copied)
 }

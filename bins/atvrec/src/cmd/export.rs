@@ -109,7 +109,9 @@ fn target(args: &ExportArgs) -> anyhow::Result<Option<Target>> {
             .as_ref()
             .is_some_and(|target| target.has_extension(name))
     };
-    let problem = if args.wide.wide && ["mat", "gpx", "mf4"].into_iter().any(is) {
+    let problem = if args.compress && !is("mf4") {
+        "--compress is for .mf4 files; leave it out, or use this extension"
+    } else if args.wide.wide && ["mat", "gpx", "mf4"].into_iter().any(is) {
         "--wide writes a .csv or .parquet file; use one of these extensions"
     } else if args.wide.wide || args.raw.is_some() || is("gpx") || is("mf4") {
         return Ok(target);
@@ -170,7 +172,7 @@ fn tables(
                 topics.collect()
             }
         };
-        return mf4::write(input, &topics, utc, target);
+        return mf4::write(input, &topics, utc, target, args.compress);
     }
     let name = args.topic.first().map_or("", |topic| topic);
     let export = Export {

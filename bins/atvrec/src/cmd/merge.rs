@@ -22,13 +22,10 @@ pub fn run(args: &MergeArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let (first, last) = all.unwrap_or_default();
     let progress = Progress::seconds("merge", last.seconds_since(first), quiet);
     if let [reader] = &readers[..] {
-        cut::write(
-            Excerpt::whole(reader)?,
-            &target,
-            &interrupt,
-            Some(&progress),
-        )?;
+        let excerpt = Excerpt::whole(reader)?;
+        let written = cut::write(excerpt, &target, &interrupt, Some(&progress))?;
         progress.finish();
+        cut::print(target.path(), &written);
         cut::tell_missing(reader);
         return Ok(Outcome::Good);
     }

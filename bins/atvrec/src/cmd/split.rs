@@ -1,9 +1,8 @@
 //! `atvrec split`: a log as several ones.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Context;
-use engine::output::Target;
+use engine::output::Folder;
 use engine::{Error, Excerpt};
 use sample::LogTime;
 use store::Reader;
@@ -16,26 +15,26 @@ use crate::interrupt::Interrupt;
 /// Most logs that a command writes.
 const PIECES_MAX: usize = 9_999;
 
-/// Runs the command.
+/// Runs the command. The pieces appear when all of them are complete.
 pub fn run(args: &SplitArgs) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let begins = begins(args, &reader)?;
     let interrupt = Interrupt::listen()?;
-    std::fs::create_dir_all(&args.directory)
-        .with_context(|| format!("cannot create the directory {}", args.directory.display()))?;
+    let folder = Folder::open(&args.directory, |_| true)?;
     let stem = args.logs.first().and_then(|log| log.file_stem());
     let stem = stem.unwrap_or_default().to_string_lossy().into_owned();
-    let path = |number: usize| args.directory.join(format!("{stem}-{number:04}.mcap"));
-    let targets =
-        (1..=begins.len()).map(|number| cut::target(&path(number), &args.logs, args.replace.force));
-    let targets: Vec<Target> = targets.collect::<Result<_, _>>()?;
+    let name = |number: usize| PathBuf::from(format!("{stem}-{number:04}.mcap"));
+    let names: Vec<PathBuf> = (1..=begins.len()).map(name).collect();
+    for name in &names {
+        cut::target(&args.directory.join(name), &args.logs, args.replace.force)?;
+    }
     let ends = begins
         .iter()
         .skip(1)
         .map(|next| *next + -1)
         .chain([LogTime(u64::MAX)]);
-    let mut written = Written::default();
-    for ((from, to), target) in begins.iter().zip(ends).zip(&targets) {
+    let mut written = Vec::new();
+    for ((from, to), name) in begins.iter().zip(ends).zip(&names) {
         let excerpt = match Excerpt::new(&reader, *from, to) {
             Err(Error::EmptyStretch { from_s, to_s, .. }) => {
                 println!("nothing between {from_s:.1} s and {to_s:.1} s");
@@ -43,25 +42,17 @@ pub fn run(args: &SplitArgs) -> anyhow::Result<Outcome> {
             }
             other => other?,
         };
-        cut::write(excerpt, target, &interrupt, None)?;
-        written.0.push(target.path().to_owned());
+        let target = cut::target(&folder.partial().join(name), &args.logs, false)?;
+        written.push((name, cut::write(excerpt, &target, &interrupt, None)?));
+    }
+    for (name, copied) in written {
+        let path = args.directory.join(name);
+        let replaced = path.symlink_metadata().is_ok() && args.replace.force;
+        folder.publish(name, name, replaced.then_some(name.as_path()))?;
+        cut::print(&path, &copied);
     }
     cut::tell_missing(&reader);
-    written.0.clear();
     Ok(Outcome::Good)
-}
-
-/// Logs of this command; removed if it does not reach its end.
-#[derive(Default)]
-struct Written(Vec<PathBuf>);
-
-impl Drop for Written {
-    fn drop(&mut self) {
-        for path in &self.0 {
-            // The first error is reported, not this one.
-            let _: Result<(), _> = std::fs::remove_file(Path::new(path));
-        }
-    }
 }
 
 /// Where the pieces begin.

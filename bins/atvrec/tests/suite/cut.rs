@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use sample::LogTime;
+use sample::{LogTime, Measurement};
 use store::{Reader, Selection};
 
 use crate::support::{atvrec, names, simulate, stderr, stdout};
@@ -111,7 +111,8 @@ fn a_cut_has_the_data_of_its_time_and_says_what_it_continues() {
     assert!(told.contains("verified: "), "{told}");
 }
 
-/// A decoded CAN message that was changed is found in a log that continues another one.
+/// A decoded message that was changed is found in a log that continues another one, also if its time of validity
+/// depends on the data before the log.
 #[test]
 fn a_changed_message_of_a_cut_is_found() {
     let directory = tempfile::tempdir().expect("a directory");
@@ -141,32 +142,57 @@ fn a_changed_message_of_a_cut_is_found() {
         dynamic: engine::session::replayed(&config, &session).dynamic,
         ..session
     };
-    let path = here.join("changed.mcap");
-    let mut writer =
-        store::Writer::create(&path, session, store::Options::default(), 0).expect("a log");
-    for arrival in reader.arrivals() {
-        writer.push(arrival.expect("readable")).expect("written");
-    }
-    let mut changed = 0;
-    for message in reader.messages(Selection::default()) {
-        let message = message.expect("readable");
-        let Some(mut record) = message.record().expect("a record") else {
-            continue;
-        };
-        if let store::Record::Sample(sample) = &mut record
-            && let sample::Measurement::Signals(frame) = &mut sample.measurement
-            && message.log_time > reader.info().span.expect("data").1.offset_seconds(-1.0)
-            && changed == 0
-        {
-            frame.signals[0].value += 1.0;
-            changed += 1;
+    let last = reader.info().span.expect("data").1.offset_seconds(-1.0);
+    let changes: [fn(&mut Measurement) -> bool; 3] = [
+        |measurement| match measurement {
+            Measurement::Signals(frame) => {
+                frame.signals[0].value += 1.0;
+                true
+            }
+            _ => false,
+        },
+        |measurement| match measurement {
+            Measurement::Steer(steer) => {
+                steer.steering_wheel_rad += 1e-6;
+                true
+            }
+            _ => false,
+        },
+        |measurement| match measurement {
+            Measurement::GnssPosition(position) => {
+                position.height_m += 1e-3;
+                true
+            }
+            _ => false,
+        },
+    ];
+    for (number, change) in changes.into_iter().enumerate() {
+        let path = here.join(format!("changed-{number}.mcap"));
+        let options = store::Options::default();
+        let mut writer = store::Writer::create(&path, session.clone(), options, 0).expect("a log");
+        for arrival in reader.arrivals() {
+            writer.push(arrival.expect("readable")).expect("written");
         }
-        writer.record(&record);
+        let mut changed = false;
+        for message in reader.messages(Selection::default()) {
+            let message = message.expect("readable");
+            let Some(mut record) = message.record().expect("a record") else {
+                continue;
+            };
+            if let store::Record::Sample(sample) = &mut record
+                && message.log_time > last
+                && !changed
+            {
+                changed = change(&mut sample.measurement);
+            }
+            writer.record(&record);
+        }
+        writer.finish().expect("closed");
+        assert!(changed);
+        let name = path.to_string_lossy().into_owned();
+        let told = verify(here, &[&name], 1);
+        assert!(told.contains("NOT IDENTICAL: 1 of"), "{number}: {told}");
     }
-    writer.finish().expect("closed");
-    assert_eq!(changed, 1);
-    let told = verify(here, &["changed.mcap"], 1);
-    assert!(told.contains("NOT IDENTICAL: 1 of"), "{told}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use sample::{ForceFrame, LogTime, Motion, PerWheel, TyreForce};
@@ -79,17 +79,30 @@ fn listens(pid: u32) -> bool {
     mask.is_some_and(|mask| mask & SIGINT_BIT != 0)
 }
 
-/// Runs a command, sends SIGINT as soon as it listens, and returns its exit code and what it wrote on
-/// standard error.
-fn interrupted(directory: &Path, arguments: &[&str]) -> (Option<i32>, String) {
-    let child = Command::new(env!("CARGO_BIN_EXE_atvrec"))
+fn start(directory: &Path, arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_atvrec"))
         .args(arguments)
         .current_dir(directory)
         .env_remove("ATVREC_LOG")
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
-        .expect("the command starts");
+        .expect("the command starts")
+}
+
+/// Sends a signal to a command.
+fn signal(child: &Child, name: &str) {
+    let sent = Command::new("kill")
+        .args([name, &child.id().to_string()])
+        .status()
+        .expect("kill");
+    assert!(sent.success());
+}
+
+/// Runs a command, sends SIGINT as soon as it listens, and returns its exit code and what it wrote on
+/// standard error.
+fn interrupted(directory: &Path, arguments: &[&str]) -> (Option<i32>, String) {
+    let child = start(directory, arguments);
     let begin = Instant::now();
     while !listens(child.id()) {
         assert!(
@@ -98,11 +111,7 @@ fn interrupted(directory: &Path, arguments: &[&str]) -> (Option<i32>, String) {
         );
         std::thread::sleep(Duration::from_millis(1));
     }
-    let sent = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status()
-        .expect("kill");
-    assert!(sent.success());
+    signal(&child, "-INT");
     let done = child.wait_with_output().expect("it ends");
     assert!(
         begin.elapsed() < PATIENCE,
@@ -152,4 +161,41 @@ fn an_interrupted_command_says_so_and_leaves_no_file() {
         assert!(text.contains("interrupted"), "{arguments:?}: {text}");
         assert_eq!(names(here), before, "{arguments:?}");
     }
+}
+
+/// The pieces appear when the last one is complete. Before that, an interrupted command leaves nothing, and a
+/// killed one leaves a hidden folder.
+#[test]
+fn a_split_that_does_not_end_leaves_no_piece() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    log(here);
+    let before = names(here);
+    let hidden = |name: &String| name.starts_with(".atvrec-partial-");
+    for (name, rest) in [("-INT", 0), ("-KILL", 1)] {
+        let split = ["split", "long.mcap", "--every", "0.5", "-o", "pieces"];
+        let mut child = start(here, &split);
+        let begin = Instant::now();
+        let folder = here.join("pieces");
+        // Two pieces are complete, and more than a thousand are not.
+        let pieces = || {
+            let partial = names(&folder).into_iter().find(hidden).unwrap_or_default();
+            names(&folder.join(partial)).len()
+        };
+        while pieces() < 3 {
+            assert!(begin.elapsed() < PATIENCE, "no piece appears");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        signal(&child, name);
+        let status = child.wait().expect("it ends");
+        assert!(!status.success(), "it was complete before the signal");
+        let left = names(&folder);
+        assert!(left.len() == rest && left.iter().all(hidden), "{left:?}");
+    }
+    // What a killed command left does not prevent the next one.
+    let split = ["split", "long.mcap", "--every", "300", "-o", "pieces"];
+    assert!(start(here, &split).wait().expect("it ends").success());
+    let pieces = names(&here.join("pieces"));
+    assert_eq!(pieces.iter().filter(|name| !hidden(name)).count(), 2);
+    assert_eq!(names(here).len(), before.len() + 1);
 }

@@ -25,6 +25,7 @@ mod folder;
 mod guide;
 mod hostile;
 mod identify;
+mod identify_imported;
 mod import;
 mod import_can;
 mod import_gnss;

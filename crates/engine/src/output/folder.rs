@@ -1,8 +1,7 @@
-//! Folders of several files, which appear when they are complete.
+//! Folders whose entries appear when all of them are complete.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::TargetError;
@@ -11,8 +10,8 @@ use crate::{Error, Result};
 /// How the name of the temporary folder begins. Readers of datasets ignore names with a dot in front.
 const PARTIAL: &str = ".atvrec-partial-";
 
-/// A folder in which complete folders appear. They are written in a hidden temporary folder inside of it,
-/// which is removed when this value is dropped. A killed command leaves the temporary folder.
+/// A folder in which complete files and folders appear. They are written in a hidden temporary folder
+/// inside of it, which is removed when this value is dropped. A killed command leaves the temporary folder.
 pub struct Folder {
     path: PathBuf,
     partial: PathBuf,
@@ -86,11 +85,12 @@ impl Folder {
                 }
                 return Err(error);
             }
-            File::open(parent)?.sync_all()?;
-            if replaced.is_some() {
-                fs::remove_dir_all(&aside)?;
+            store::sync_folder(parent)?;
+            match replaced {
+                Some(_) if aside.is_dir() => fs::remove_dir_all(&aside),
+                Some(_) => fs::remove_file(&aside),
+                None => Ok(()),
             }
-            Ok(())
         };
         publish().map_err(failed(&to))
     }
@@ -124,12 +124,9 @@ fn sync(path: &Path) -> std::io::Result<()> {
         for entry in fs::read_dir(path)? {
             sync(&entry?.path())?;
         }
+        return store::sync_folder(path);
     }
-    match File::open(path)?.sync_all() {
-        // Some file systems cannot sync a directory.
-        Err(error) if error.kind() == ErrorKind::InvalidInput => Ok(()),
-        other => other,
-    }
+    File::open(path)?.sync_all()
 }
 
 fn failed(path: &Path) -> impl Fn(std::io::Error) -> Error {

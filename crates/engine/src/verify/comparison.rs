@@ -131,8 +131,9 @@ impl Comparison {
     }
 
     /// Reports that the log is a stretch of a run that has earlier data, on which everything can depend.
-    pub(super) fn continued(&mut self, origin: Origin) {
+    pub(super) fn continued(&mut self, origin: Origin, has_table: bool) {
         self.report.continued = Some(origin);
+        self.report.has_table = has_table;
         self.report.gap = Some((0, LogTime(0)));
     }
 

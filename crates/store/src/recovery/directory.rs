@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::{RecoverOptions, Recovered, recover_with, with_suffix};
 use crate::file::{
-    ACTIVE_SUFFIX, DAMAGED_SUFFIX, UNRECOVERABLE_SUFFIX, active_path, lock, sync_directory,
+    ACTIVE_SUFFIX, DAMAGED_SUFFIX, UNRECOVERABLE_SUFFIX, active_path, is_same_file, lock,
+    sync_directory,
 };
 use crate::reader::{Index, ScanOptions};
 use crate::scan::Ending;
@@ -96,21 +97,6 @@ pub(super) fn damaged_name(path: &Path, target: &Path) -> PathBuf {
     names
         .find(|name| !name.exists() || is_same_file(name, path))
         .unwrap_or_else(|| with_suffix(target, DAMAGED_SUFFIX))
-}
-
-#[cfg(unix)]
-fn is_same_file(one: &Path, other: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt as _;
-    let identity = |path| {
-        let metadata = std::fs::metadata(path).ok()?;
-        Some((metadata.dev(), metadata.ino()))
-    };
-    identity(one).is_some_and(|found| identity(other) == Some(found))
-}
-
-#[cfg(not(unix))]
-fn is_same_file(_: &Path, _: &Path) -> bool {
-    false
 }
 
 fn parent(path: &Path) -> &Path {

@@ -25,6 +25,22 @@ const LOOKED_AT: usize = 1000;
 /// # Errors
 /// The file cannot be read, or its lines have no stamps.
 pub fn read(input: &mut (impl Read + Seek), sink: &mut Sink<'_>) -> Result<Summary, Error> {
+    read_with(input, sink, true)
+}
+
+/// As [`read`], but without the form of the lines in the summary.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_frames(input: &mut (impl Read + Seek), sink: &mut Sink<'_>) -> Result<Summary, Error> {
+    read_with(input, sink, false)
+}
+
+fn read_with(
+    input: &mut (impl Read + Seek),
+    sink: &mut Sink<'_>,
+    compares_style: bool,
+) -> Result<Summary, Error> {
     let begin = input.stream_position()?;
     let stamps = stamps(input)?;
     input.seek(SeekFrom::Start(begin))?;
@@ -34,7 +50,7 @@ pub fn read(input: &mut (impl Read + Seek), sink: &mut Sink<'_>) -> Result<Summa
             ..Summary::default()
         },
         sum_ns: 0,
-        last_channel: None,
+        compares_style,
         scratch: Vec::new(),
     };
     each(input, |line| reader.take(line, sink))?;
@@ -142,8 +158,7 @@ struct Reader {
     summary: Summary,
     /// Sum of the differences, ns.
     sum_ns: i64,
-    /// Channel of the last frame, and its name.
-    last_channel: Option<(u16, Vec<u8>)>,
+    compares_style: bool,
     scratch: Vec<u8>,
 }
 
@@ -160,7 +175,9 @@ impl Reader {
             }
             _ => found.stamp_ns,
         };
-        self.compare_style(&found, channel, line);
+        if self.compares_style {
+            self.compare_style(&found, channel, line);
+        }
         let frame = found.frame;
         self.summary.frames += 1;
         sink(Record::Frame(Entry {
@@ -202,14 +219,11 @@ impl Reader {
     }
 
     fn channel(&mut self, interface: &[u8]) -> Option<u16> {
-        if let Some((channel, name)) = &self.last_channel
-            && name == interface
-        {
-            return Some(*channel);
+        let mut names = self.summary.channels.iter();
+        match names.position(|name| name.as_bytes() == interface) {
+            Some(at) => u16::try_from(at).ok(),
+            None => self.summary.channel(&String::from_utf8_lossy(interface)),
         }
-        let channel = self.summary.channel(&String::from_utf8_lossy(interface))?;
-        self.last_channel = Some((channel, interface.to_owned()));
-        Some(channel)
     }
 
     /// Takes a line without a frame.

@@ -5,3 +5,4 @@ mod blf;
 mod made;
 mod mf4;
 mod reference;
+mod text;

@@ -1,6 +1,5 @@
 //! The decoders against reference decodes, mixtures and noise.
 
-mod can_log;
 mod can_logs;
 mod common;
 mod crossbow440;

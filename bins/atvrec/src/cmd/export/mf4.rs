@@ -25,6 +25,7 @@ pub fn write(
     topics: &[Topic],
     utc: Option<UtcOffset>,
     target: &Target,
+    is_compressed: bool,
 ) -> anyhow::Result<Written> {
     let mut written = Written::default();
     let mut channels: Vec<Channels> = topics.iter().map(|_| Channels::default()).collect();
@@ -38,7 +39,7 @@ pub fn write(
             let groups = topics.iter().zip(&channels);
             let groups = groups.map(|(topic, channels)| group(topic, &channels.of(&channels.all)));
             let mut writer = Writer {
-                blocks: Blocks::new(file)?,
+                blocks: Blocks::new(file, is_compressed)?,
                 header: Header::new(input, utc),
                 groups: groups.collect(),
             };

@@ -15,7 +15,9 @@ use crate::log_writer::{Latched, Pending};
 use crate::{Options, Result, Session};
 
 /// Free bytes of a disk that are reserved for raw data; on a small disk a sixteenth of it.
+#[cfg(unix)]
 const RAW_RESERVE: u64 = 16 << 20;
+#[cfg(unix)]
 const RAW_RESERVE_SHARE: u64 = 16;
 
 /// The open file of a run, with its journals.
@@ -195,12 +197,17 @@ impl OpenFile {
 }
 
 /// Whether the free space of a file's disk is only the reserve for raw data.
+#[cfg(unix)]
 fn nearly_full(file: &File) -> bool {
-    #[cfg(unix)]
     if let Ok(disk) = rustix::fs::fstatvfs(file) {
         let bytes = |blocks: u64| blocks.saturating_mul(disk.f_frsize);
         let reserve = RAW_RESERVE.min(bytes(disk.f_blocks) / RAW_RESERVE_SHARE);
         return bytes(disk.f_bavail) < reserve;
     }
+    false
+}
+
+#[cfg(not(unix))]
+fn nearly_full(_: &File) -> bool {
     false
 }

@@ -113,15 +113,15 @@ impl Style {
 
 /// Appends a number with at least `digits` digits.
 fn push_padded(text: &mut Vec<u8>, mut number: u64, digits: u8) {
-    let mut reversed = [b'0'; 20];
-    let mut count = 0;
+    let mut written = [b'0'; SECONDS_MAX as usize];
+    let mut first = written.len();
     while number > 0 {
-        reversed[count] = b'0' + (number % 10) as u8;
+        first -= 1;
+        written[first] = b'0' + (number % 10) as u8;
         number /= 10;
-        count += 1;
     }
-    let count = count.max(usize::from(digits.clamp(1, SECONDS_MAX)));
-    text.extend(reversed[..count].iter().rev());
+    let first = first.min(written.len() - usize::from(digits.clamp(1, SECONDS_MAX)));
+    text.extend_from_slice(&written[first..]);
 }
 
 impl fmt::Display for Style {

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use atvrec_wire::can_log::{Direction, Entry, Error, Record, Sink, Summary};
+use atvrec_wire::can_log::{Direction, Entry, Error, Record, Sink, Stamps, Summary};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::{Map, Value, json};
@@ -82,24 +82,46 @@ pub fn assert_rows(
     (entries, summary): (&[Entry], &Summary),
     rows: &[Map<String, Value>],
 ) {
+    let mut sum_s = 0.0;
     for (number, (entry, row)) in entries.iter().zip(rows).enumerate() {
-        assert_row(&format!("{name}, frame {number}"), entry, summary, row);
+        let place = format!("{name}, frame {number}");
+        sum_s += row["t_s"].as_f64().unwrap_or(0.0);
+        let sum_s = (summary.stamps == Stamps::Differences).then_some(sum_s);
+        assert_stamp(&place, entry.stamp_ns, sum_s, row);
+        assert_row(&place, entry, summary, row);
     }
     assert_eq!(entries.len(), rows.len(), "{name}: number of frames");
 }
 
-fn assert_row(place: &str, entry: &Entry, summary: &Summary, row: &Map<String, Value>) {
-    let exact = row.get("t_ns").and_then(Value::as_i64);
-    let seconds = row["t_s"].as_f64().expect("a time");
-    let ulp_ns = 1e9 * seconds.abs() * f64::EPSILON;
-    match exact {
-        Some(stamp) => assert_eq!(entry.stamp_ns, stamp, "{place}: t_ns"),
-        None => assert!(
-            (entry.stamp_ns as f64 - seconds * 1e9).abs() <= STAMP_NS + ulp_ns,
-            "{place}: {} ns, expected {seconds} s",
-            entry.stamp_ns
-        ),
+/// Compares a stamp. `sum_s`: sum of the differences up to the frame, if the file has differences.
+fn assert_stamp(place: &str, stamp_ns: i64, sum_s: Option<f64>, row: &Map<String, Value>) {
+    if let Some(exact) = row.get("t_ns").and_then(Value::as_i64) {
+        return assert_eq!(stamp_ns, exact, "{place}: t_ns");
     }
+    if let Some(date) = row["t_s"].as_str() {
+        return assert_eq!(stamp_ns, date_ns(date), "{place}: t_s");
+    }
+    let of_sum = row.get("t_cum_s").and_then(Value::as_f64);
+    let seconds = of_sum.or(sum_s).or(row["t_s"].as_f64()).expect("a time");
+    let ulp_ns = 1e9 * seconds.abs() * f64::EPSILON;
+    assert!(
+        (stamp_ns as f64 - seconds * 1e9).abs() <= STAMP_NS + ulp_ns,
+        "{place}: {stamp_ns} ns, expected {seconds} s"
+    );
+}
+
+/// UNIX time of `2017-09-30T15:06:13.191`, ns.
+pub fn date_ns(text: &str) -> i64 {
+    let number = |range: std::ops::Range<usize>| -> i64 { text[range].parse().expect("a number") };
+    let (year, month, day) = (number(0..4), number(5..7), number(8..10));
+    let day_s = atvrec_wire::gps_time::unix_s_of_date(year as u16, month as u8, day as u8);
+    let seconds: f64 = text[17..].parse().expect("seconds");
+    let minutes = 60 * number(11..13) + number(14..16);
+    let of_minute_ns = (seconds * 1e9).round() as i64;
+    (day_s.expect("a date") + 60 * minutes) * 1_000_000_000 + of_minute_ns
+}
+
+fn assert_row(place: &str, entry: &Entry, summary: &Summary, row: &Map<String, Value>) {
     let channel = match &row["channel"] {
         Value::Null => None,
         Value::String(name) => Some(name.clone()),
@@ -132,9 +154,11 @@ fn assert_row(place: &str, entry: &Entry, summary: &Summary, row: &Map<String, V
     ] {
         assert_eq!(got, row[field], "{place}: {field}");
     }
-    // An error frame may have no identifier.
-    let id = row["id"].as_u64().unwrap_or(0);
-    assert_eq!(u64::from(frame.id), id, "{place}: id");
+    // The identifier of an error frame is its class, which the reference may lack.
+    match row["id"].as_u64() {
+        Some(id) => assert_eq!(u64::from(frame.id), id, "{place}: id"),
+        None => assert!(flags.error, "{place}: id"),
+    }
     assert_eq!(frame.kernel_ns, None, "{place}: kernel_ns");
 }
 

@@ -7,6 +7,8 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
+use miniz_oxide::deflate::compress_to_vec_zlib;
+
 /// Bytes of a block before its links.
 const HEAD: u64 = 24;
 /// Position of the header block.
@@ -17,6 +19,12 @@ const VERSION: u16 = 410;
 const ALIGNMENT: u64 = 8;
 /// Value-to-text conversion.
 const VALUE_TO_TEXT: u8 = 7;
+/// Most bytes of a compressed block before compression, by the standard.
+const COMPRESSED_MAX: usize = 4 << 20;
+/// Data that is transposed, so that the bytes of a column follow each other, and then deflated.
+const TRANSPOSED: u8 = 1;
+/// Level of deflate.
+const LEVEL: u8 = 1;
 
 /// How values are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,14 +103,16 @@ pub struct Header {
 pub struct Blocks {
     file: BufWriter<File>,
     position: u64,
+    is_compressed: bool,
 }
 
 impl Blocks {
     /// Writes the identification and reserves the header.
-    pub fn new(file: File) -> io::Result<Self> {
+    pub fn new(file: File, is_compressed: bool) -> io::Result<Self> {
         let mut blocks = Self {
             file: BufWriter::new(file),
             position: 0,
+            is_compressed,
         };
         let mut id = b"MDF     4.10    atvrec  ".to_vec();
         id.extend([0; 4]);
@@ -115,14 +125,36 @@ impl Blocks {
 
     /// Writes records of a group.
     pub fn data(&mut self, group: &mut Group, records: &[u8]) -> io::Result<()> {
-        if records.is_empty() {
-            return Ok(());
+        let size = group.record_bytes();
+        let most = match self.is_compressed {
+            true => (COMPRESSED_MAX / size).max(1) * size,
+            false => records.len().max(1),
+        };
+        for records in records.chunks(most) {
+            let position = match self.is_compressed {
+                true => self.compressed(records, size)?,
+                false => self.block(b"DT", &[], records)?,
+            };
+            group.data.push((position, group.rows * size as u64));
+            group.rows += (records.len() / size) as u64;
         }
-        let position = self.block(b"DT", &[], records)?;
-        let size = group.record_bytes() as u64;
-        group.data.push((position, group.rows * size));
-        group.rows += records.len() as u64 / size;
         Ok(())
+    }
+
+    /// Writes a compressed data block of records of `size` bytes.
+    fn compressed(&mut self, records: &[u8], size: usize) -> io::Result<u64> {
+        let mut columns = Vec::with_capacity(records.len());
+        for byte in 0..size {
+            columns.extend(records.iter().skip(byte).step_by(size));
+        }
+        let zlib = compress_to_vec_zlib(&columns, LEVEL);
+        let mut data = b"DT".to_vec();
+        data.extend([TRANSPOSED, 0]);
+        data.extend(u32::try_from(size).map_err(io::Error::other)?.to_le_bytes());
+        data.extend((records.len() as u64).to_le_bytes());
+        data.extend((zlib.len() as u64).to_le_bytes());
+        data.extend(zlib);
+        self.block(b"DZ", &[], &data)
     }
 
     /// Writes the descriptions of all groups, and the links to them.
@@ -195,7 +227,12 @@ impl Blocks {
         let mut data = vec![0; 4];
         data.extend(count.to_le_bytes());
         data.extend(blocks.iter().flat_map(|(_, offset)| offset.to_le_bytes()));
-        self.block(b"DL", &links, &data)
+        let list = self.block(b"DL", &links, &data)?;
+        if !self.is_compressed {
+            return Ok(list);
+        }
+        // The blocks have different lengths.
+        self.block(b"HL", &[list], &[0, 0, TRANSPOSED, 0, 0, 0, 0, 0])
     }
 
     /// Writes a channel before the channel at `next`.

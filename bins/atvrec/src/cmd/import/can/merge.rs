@@ -12,7 +12,7 @@ use wire::can_log::{Format, Record};
 
 use super::super::log_time;
 use super::frame_of;
-use super::survey::read;
+use super::survey::read_frames;
 use crate::exit::UsageError;
 
 /// Records that a reader passes at a time.
@@ -125,7 +125,7 @@ fn read_file(input: &Input<'_>, sender: &SyncSender<Vec<Item>>) -> anyhow::Resul
     let mut batch = Vec::with_capacity(BATCH);
     let mut last = input.time(input.first_ns);
     let mut is_known = true;
-    read(input.format, input.path, &mut |record| {
+    read_frames(input.format, input.path, &mut |record| {
         let (channel, content) = match record {
             Record::Frame(entry) => {
                 let stamp_ns = input.zero_ns.saturating_add(entry.stamp_ns);

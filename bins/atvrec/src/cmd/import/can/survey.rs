@@ -105,12 +105,27 @@ pub fn survey(format: Format, path: &Path, interrupt: &Interrupt) -> anyhow::Res
     Ok(survey)
 }
 
-/// Reads a file of this format.
-pub fn read(format: Format, path: &Path, sink: &mut can_log::Sink<'_>) -> anyhow::Result<Summary> {
+/// Reads a file of this format for its contents.
+fn read(format: Format, path: &Path, sink: &mut can_log::Sink<'_>) -> anyhow::Result<Summary> {
+    told(path, |file| can_log::read(format, file, sink))
+}
+
+/// Reads the frames of a file again.
+pub fn read_frames(
+    format: Format,
+    path: &Path,
+    sink: &mut can_log::Sink<'_>,
+) -> anyhow::Result<()> {
+    told(path, |file| can_log::read_frames(format, file, sink)).map(drop)
+}
+
+fn told(
+    path: &Path,
+    read: impl FnOnce(&mut BufReader<File>) -> Result<Summary, Error>,
+) -> anyhow::Result<Summary> {
     let shown = path.display();
     let file = File::open(path).with_context(|| format!("cannot read {shown}"))?;
-    let summary = can_log::read(format, &mut BufReader::new(file), sink);
-    summary.map_err(|error| {
+    read(&mut BufReader::new(file)).map_err(|error| {
         let help = match error {
             Error::OnlySignals { .. } => "; import them with a column map: --columns MAP.toml",
             _ => "",

@@ -1,119 +1,35 @@
-//! Logs of other programs (`../shared/data/can-logs`) against the frames that independent readers give.
-
-mod reference;
-
 use std::fs::{self, File};
-use std::io::{Cursor, Read, Seek};
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use atvrec_wire::can_log::{self, Direction, Entry, Error, Record, Sink, Stamps, Summary};
 use proptest::prelude::*;
-use reference::{Frame, Stamp};
 use sample::{CanFlags, CanFrame};
 
-/// Greatest difference from a stamp of the reference, which is a binary floating-point number, ns.
-const STAMP_ERROR_NS: f64 = 300.0;
+use super::reference::{assert_rows, cursor, date_ns, entries, folders, rows};
 
-type Read_ = fn(&mut File, &mut Sink<'_>) -> Result<Summary, Error>;
+type Read = fn(&mut File, &mut Sink<'_>) -> Result<Summary, Error>;
 
-fn read_all(path: &Path, read: Read_) -> (Vec<Entry>, Summary) {
-    let mut entries = Vec::new();
+fn read_all(path: &Path, read: Read) -> (Vec<Entry>, Summary) {
     let mut file = File::open(path).expect("the log");
-    let summary = read(&mut file, &mut |record| {
-        if let Record::Frame(entry) = record {
-            entries.push(entry);
-        }
-        ControlFlow::Continue(())
-    });
-    let summary = summary.unwrap_or_else(|error| panic!("{} {error}", path.display()));
-    assert_eq!(summary.frames, entries.len() as u64, "{}", path.display());
-    (entries, summary)
-}
-
-/// A frame of ours in the form of the reference.
-fn form(entry: &Entry, summary: &Summary, like: &Frame) -> Frame {
-    let flags = entry.frame.flags;
-    let stamp = match like.stamp {
-        Stamp::Date(_) => Stamp::Date(entry.stamp_ns),
-        Stamp::Sum(_) => Stamp::Sum(entry.stamp_ns as f64 * 1e-9),
-        Stamp::Seconds(_) => Stamp::Seconds(entry.stamp_ns as f64 * 1e-9),
-        Stamp::Nanos(_) => Stamp::Nanos(entry.stamp_ns),
-    };
-    let channel = entry
-        .channel
-        .map(|at| summary.channels[usize::from(at)].clone());
-    Frame {
-        stamp,
-        channel,
-        // The identifier of an error frame is its error class, if there is one.
-        id: (!flags.error || like.id.is_some()).then_some(entry.frame.id),
-        extended: flags.extended,
-        remote: flags.remote,
-        error: flags.error,
-        fd: flags.fd,
-        brs: flags.bit_rate_switch,
-        esi: flags.error_state,
-        direction: entry.direction.map(|direction| match direction {
-            Direction::Received => "rx".to_owned(),
-            Direction::Sent => "tx".to_owned(),
-            Direction::SendRequest => "txrq".to_owned(),
-        }),
-        dlc: entry.dlc,
-        data: entry.frame.bytes().to_vec(),
-    }
-}
-
-fn same(got: &Frame, want: &Frame) -> bool {
-    let stamps = match (&got.stamp, &want.stamp) {
-        (Stamp::Seconds(got), Stamp::Seconds(want)) | (Stamp::Sum(got), Stamp::Sum(want)) => {
-            (got - want).abs() < STAMP_ERROR_NS * 1e-9
-        }
-        (got, want) => got == want,
-    };
-    let rest = |frame: &Frame| Frame {
-        stamp: Stamp::Nanos(0),
-        ..frame.clone()
-    };
-    stamps && rest(got) == rest(want)
-}
-
-/// Folders of a format with their log files.
-fn folders(format: &str) -> Vec<(PathBuf, PathBuf)> {
-    let Some(path) = testkit::shared(&format!("data/can-logs/{format}")) else {
-        return Vec::new();
-    };
-    let mut folders: Vec<PathBuf> = fs::read_dir(path)
-        .expect("the folder")
-        .map(|entry| entry.expect("an entry").path())
-        .collect();
-    folders.sort();
-    let found = folders.into_iter().filter_map(|folder| {
-        let meta = fs::read_to_string(folder.join("meta.json")).expect("meta.json");
-        let meta: serde_json::Value = serde_json::from_str(&meta).expect("JSON");
-        let is_frames = meta["kind"] == "frames";
-        let file = folder.join(meta["file"].as_str().expect("a name"));
-        is_frames.then_some((folder, file))
-    });
-    found.collect()
+    let read = entries(|sink| read(&mut file, sink));
+    read.unwrap_or_else(|error| panic!("{} {error}", path.display()))
 }
 
 /// Compares all logs of a format.
-fn compare(format: &str, read: Read_) {
+fn compare(format: &str, read: Read) {
     let mut count = 0;
-    for (folder, file) in folders(format) {
-        let place = folder.display();
+    for folder in folders(format) {
+        let meta = fs::read_to_string(folder.join("meta.json")).expect("meta.json");
+        let meta: serde_json::Value = serde_json::from_str(&meta).expect("JSON");
+        if meta["kind"] != "frames" {
+            continue;
+        }
+        let file = folder.join(meta["file"].as_str().expect("a name"));
         let (entries, summary) = read_all(&file, read);
-        let mut want = reference::read(&folder);
-        if summary.stamps == Stamps::Differences {
-            reference::sum(&mut want);
-        }
-        for (at, (entry, want)) in entries.iter().zip(&want).enumerate() {
-            let got = form(entry, &summary, want);
-            assert!(same(&got, want), "{place}, frame {at}:\n{got:?}\n{want:?}");
-        }
-        assert_eq!(entries.len(), want.len(), "{place}: {summary:?}");
-        count += want.len();
+        let name = folder.display().to_string();
+        assert_rows(&name, (&entries, &summary), &rows(&folder));
+        count += entries.len();
     }
     testkit::report(&format!("{count} frames of {format} agree"));
 }
@@ -134,7 +50,7 @@ fn trc() {
 }
 
 /// A summary of one log.
-fn summary(name: &str, file: &str, read: Read_) -> Option<Summary> {
+fn summary(name: &str, file: &str, read: Read) -> Option<Summary> {
     let path = testkit::shared(&format!("data/can-logs/{name}/{file}"))?;
     Some(read_all(&path, read).1)
 }
@@ -143,7 +59,7 @@ fn summary(name: &str, file: &str, read: Read_) -> Option<Summary> {
 fn stamps_have_the_meaning_that_the_file_gives_them() {
     let candump = can_log::candump::read;
     let (asc, trc) = (can_log::asc::read, can_log::trc::read);
-    let cases: [(&str, &str, Read_, Stamps, Option<i64>); 9] = [
+    let cases: [(&str, &str, Read, Stamps, Option<i64>); 9] = [
         (
             "candump/car-noecu-can0",
             "capture.log",
@@ -255,7 +171,7 @@ fn dates_of_several_languages_are_read() {
     let text = fs::read_to_string(folder.join("reference.jsonl")).expect("the reference");
     for line in text.lines() {
         let row: serde_json::Value = serde_json::from_str(line).expect("JSON");
-        let want = row["local_time"].as_str().map(reference::date_ns);
+        let want = row["local_time"].as_str().map(date_ns);
         let line = row["line"].as_str().expect("a line");
         assert_eq!(can_log::asc::date_of(line), want, "{line}");
     }
@@ -353,16 +269,10 @@ fn formats_are_recognised_by_their_bytes() {
 
 /// Reads bytes with every reader.
 fn read_bytes(bytes: &[u8]) {
-    fn read<R: Read + Seek>(
-        input: &mut R,
-        reader: impl Fn(&mut R, &mut Sink<'_>) -> Result<Summary, Error>,
-    ) {
-        let _ = reader(input, &mut |_| ControlFlow::Continue(()));
-    }
     let _ = can_log::recognise(bytes);
-    read(&mut Cursor::new(bytes), can_log::candump::read);
-    read(&mut Cursor::new(bytes), can_log::asc::read);
-    read(&mut Cursor::new(bytes), can_log::trc::read);
+    let _ = entries(|sink| can_log::candump::read(&mut cursor(bytes), sink));
+    let _ = entries(|sink| can_log::asc::read(&mut cursor(bytes), sink));
+    let _ = entries(|sink| can_log::trc::read(&mut cursor(bytes), sink));
 }
 
 /// A byte of a log is replaced, or the log is cut.
@@ -428,7 +338,7 @@ proptest! {
         }
         text.extend_from_slice(can_log::asc::END.as_bytes());
         let mut found = Vec::new();
-        let summary = can_log::asc::read(&mut Cursor::new(&text), &mut |record| {
+        let summary = can_log::asc::read(&mut cursor(&text), &mut |record| {
             found.push(record);
             ControlFlow::Continue(())
         });

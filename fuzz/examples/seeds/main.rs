@@ -2,6 +2,8 @@
 //!
 //! `cargo run --manifest-path fuzz/Cargo.toml --example seeds`
 
+mod can_logs;
+
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -28,6 +30,7 @@ fn main() -> Result<()> {
     serial(&seeds, &drive, &newer)?;
     arrivals(&seeds, &drive)?;
     can(&seeds, &drive)?;
+    can_logs::write(&seeds)?;
     texts(&seeds)?;
     logs(&seeds, &drive)?;
     Ok(())
