@@ -16,8 +16,8 @@ mod temperature;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
-    Estimate, Event, Limits, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Road, Sample,
-    SourceId, Wheel,
+    Estimate, Event, Limits, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Road,
+    Sample, SourceId, Wheel,
 };
 
 use crate::calibration::Resolved;

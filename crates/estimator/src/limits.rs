@@ -51,13 +51,15 @@ pub struct LimitsInput<'a> {
     pub forces: &'a PerWheel<TyreForce>,
 }
 
-/// Fading means of one time constant, so that their ratios are of the same instants.
+/// Fading means. All but the present force have one time constant, so that their ratios are of the same instants.
 #[derive(Clone, Copy, Debug, Default)]
 struct Means {
     /// Lateral force and load of each axle, N.
     axles_n: [[f64; 2]; 2],
     /// Specific force along the ground to the left and along its normal, m/s^2.
     specific: [f64; 2],
+    /// Specific force along the ground to the left with a short memory, m/s^2.
+    present: f64,
     load_transfer_ratio: f64,
     speed_m_s: f64,
     yaw_rate_rad_s: f64,
@@ -148,9 +150,9 @@ impl LimitsEstimator {
             return;
         };
         let t = self.tuning;
-        let part = (input.dt / t.mean_s).min(1.0);
+        let parts = [t.mean_s, t.present_s].map(|time_s| (input.dt / time_s).min(1.0));
         let means = match self.means {
-            Some(before) => before.toward(&now, part),
+            Some(before) => before.toward(&now, parts),
             None => now,
         };
         self.means = Some(means);
@@ -179,12 +181,16 @@ impl LimitsEstimator {
         let Some(means) = &self.means else {
             return Limits::unknown(now, LimitsUnknown::NoForces);
         };
-        let side = means.specific[0].signum();
+        let side = means.present.signum();
         let grips = [0, 1].map(|axle| self.grip_end(axle, grip[axle]));
         let unknown =
             (grips.iter().all(|end| end.limit.value.is_nan())).then_some(LimitsUnknown::Grip);
         let present = smallest([grips[0], grips[1], self.roll_end(side)]);
-        let either = smallest([grips[0], grips[1], self.roll_end(self.standing_ratio.signum())]);
+        let either = smallest([
+            grips[0],
+            grips[1],
+            self.roll_end(self.standing_ratio.signum()),
+        ]);
         let mut limits = Limits {
             unknown,
             grip_used: grip[0].utilisation.max(grip[1].utilisation),
@@ -193,11 +199,10 @@ impl LimitsEstimator {
         };
         let g = STANDARD_GRAVITY_M_S2;
         let (sine, cosine) = math::sin_cos(means.bank_rad);
-        let used = means.specific[0].abs();
+        let used = means.present.abs();
         limits.lateral_m_s2 = (present.limit).map(|y| not_negative(y * cosine * g - used));
         // Largest horizontal acceleration to a side on the present bank.
-        let turning =
-            |y: f64, toward: f64| not_negative((y * cosine - toward * sine) * g / cosine);
+        let turning = |y: f64, toward: f64| not_negative((y * cosine - toward * sine) * g / cosine);
         let curvature = means.yaw_rate_rad_s / means.speed_m_s;
         if means.speed_m_s > self.tuning.speed_min_m_s
             && curvature.abs() > self.tuning.curvature_min_1_m
@@ -235,6 +240,7 @@ impl LimitsEstimator {
             at_least: at(grip.friction_min) - t.bound_sigma * grip.friction_min * filter.sigma(),
         };
         if let (Some(friction), Some(sigma)) = (grip.friction, grip.friction_sigma) {
+            let sigma = t.friction_sigma * sigma;
             limit.value = at(friction);
             let unused = friction * (1.0 - grip.utilisation).max(0.0);
             let parts = [
@@ -275,7 +281,7 @@ impl LimitsEstimator {
         let friction = grip.map(|axle| axle.friction.unwrap_or(f64::NAN));
         let least = grip.map(|axle| match (axle.friction, axle.friction_sigma) {
             (Some(friction), Some(sigma)) => {
-                let sigma = math::hypot(sigma, t.friction_part * friction);
+                let sigma = math::hypot(t.friction_sigma * sigma, t.friction_part * friction);
                 (friction - t.bound_sigma * sigma).max(axle.friction_min)
             }
             _ => axle.friction_min,
@@ -319,25 +325,35 @@ impl Means {
             let [left, right] = [left, left + 1].map(|wheel| &input.forces.0[wheel].force_n);
             [left[1] + right[1], left[2] + right[2]]
         };
+        let specific = specific_force(motion);
         let now = Self {
             axles_n: [axle(0), axle(2)],
-            specific: specific_force(motion),
+            specific,
+            present: specific[0],
             load_transfer_ratio: input.load_transfer_ratio,
             speed_m_s: motion.velocity_x_m_s,
             yaw_rate_rad_s: motion.rate_rad_s[2],
             bank_rad: motion.bank_rad,
         };
         let all = now.axles_n.as_flattened().iter().chain(&now.specific);
-        let rest = [now.load_transfer_ratio, now.speed_m_s, now.yaw_rate_rad_s, now.bank_rad];
-        all.chain(&rest).all(|value| value.is_finite()).then_some(now)
+        let rest = [
+            now.load_transfer_ratio,
+            now.speed_m_s,
+            now.yaw_rate_rad_s,
+            now.bank_rad,
+        ];
+        all.chain(&rest)
+            .all(|value| value.is_finite())
+            .then_some(now)
     }
 
-    /// These means after an instant with this weight.
-    fn toward(&self, now: &Self, part: f64) -> Self {
+    /// These means after an instant with these weights.
+    fn toward(&self, now: &Self, [part, present]: [f64; 2]) -> Self {
         let mean = |before: f64, now: f64| before + part * (now - before);
         Self {
             axles_n: [0, 1].map(|i| [0, 1].map(|k| mean(self.axles_n[i][k], now.axles_n[i][k]))),
             specific: [0, 1].map(|i| mean(self.specific[i], now.specific[i])),
+            present: self.present + present * (now.present - self.present),
             load_transfer_ratio: mean(self.load_transfer_ratio, now.load_transfer_ratio),
             speed_m_s: mean(self.speed_m_s, now.speed_m_s),
             yaw_rate_rad_s: mean(self.yaw_rate_rad_s, now.yaw_rate_rad_s),

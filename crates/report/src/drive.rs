@@ -95,7 +95,7 @@ pub struct Drive {
     /// What the estimator has found of sensors and tyres.
     pub learnt: Learnt,
     /// What the vehicle could still do: the limits that are drawn, with their seconds since the start.
-    pub limits: Vec<(f64, Limits)>,
+    pub reachable: Vec<(f64, Limits)>,
     /// Declared events.
     pub events: Vec<Event>,
     /// Marks set by people.
@@ -386,9 +386,9 @@ impl Drive {
             Record::Limits(limits) => {
                 let time_s = self.seconds(limits.time);
                 let next_s = self.thinning.stretch_s(0.0);
-                let last = self.limits.last();
+                let last = self.reachable.last();
                 if last.is_none_or(|(last_s, _)| time_s >= last_s + next_s) {
-                    self.limits.push((time_s, *limits));
+                    self.reachable.push((time_s, *limits));
                 }
             }
             Record::Health(health) => self.health = Some(health),

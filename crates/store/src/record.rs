@@ -1,6 +1,6 @@
 use sample::{
-    Estimate, Event, ForceFrame, Health, Limits, LogTime, Motion, Parameters, PerWheel, Road, Rollover,
-    Sample, Severity, SourceId, TyreForce,
+    Estimate, Event, ForceFrame, Health, Limits, LogTime, Motion, Parameters, PerWheel, Road,
+    Rollover, Sample, Severity, SourceId, TyreForce,
 };
 
 use crate::Scene;

@@ -171,6 +171,10 @@ pub const EXAMPLES: [(&str, &str); 81] = [
     ),
     ("atvrec identify tyre sine.mcap", "curve of the tyre"),
     (
+        "atvrec identify slip brake.mcap",
+        "longitudinal stiffness of the tyres, from a start and braking",
+    ),
+    (
         "atvrec identify roll-centre prowler",
         "roll centres, from the hard-points of a vehicle",
     ),

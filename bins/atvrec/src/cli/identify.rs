@@ -25,6 +25,8 @@ pub enum IdentifyCommand {
     Response(ResponseArgs),
     /// Friction coefficient between tyres and ground (up to the limit of grip).
     Friction(IdentifyArgs),
+    /// Longitudinal stiffness of the tyres (a start with much throttle and hard braking).
+    Slip(IdentifyArgs),
     /// Tyre parameters, yaw inertia, gains and offsets for a car without suspension sensors.
     ///
     /// The result is for the estimate of the sideslip angle.

@@ -52,6 +52,7 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
             (in_drive(&args.shared, &method)?, &args.shared.output)
         }
         IdentifyCommand::Friction(args) => (in_drive(args, &Method::Friction)?, &args.output),
+        IdentifyCommand::Slip(args) => (in_drive(args, &Method::Slip)?, &args.output),
         IdentifyCommand::Handling(args) => return handling::run(args),
     };
     outputs.write(&found)?;

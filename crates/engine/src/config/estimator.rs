@@ -377,7 +377,8 @@ mod tests {
     #[test]
     fn the_radius_of_the_curve_is_read_and_a_wrong_one_is_reported() {
         let read = |value: &str| {
-            let text = format!("[vehicle]\nfile = \"prowler\"\n[estimator]\ncurve_radius_m = {value}\n");
+            let text =
+                format!("[vehicle]\nfile = \"prowler\"\n[estimator]\ncurve_radius_m = {value}\n");
             Config::from_text(&text, Path::new("."))
         };
         let config = read("20").expect("a radius");

@@ -62,13 +62,22 @@ fn an_axle_that_gives_away_force_ends_the_turn_before_its_friction() {
     let expected = 0.7 * (0.45 / 0.55 - bend * (0.7 - 0.55));
     let left = found.lateral_m_s2;
     assert_eq!(found.limited_by, LimitedBy::FrontGrip);
-    assert!((left.value - (expected - 0.45) * G).abs() < 0.05, "{left:?}");
+    assert!(
+        (left.value - (expected - 0.45) * G).abs() < 0.05,
+        "{left:?}"
+    );
     assert!(left.at_least < left.value && left.at_least > left.value - 0.15 * G);
     // v^2/R is the limit, in the present curve and in the set one.
     let speed = found.speed_m_s.value;
-    assert!((speed * speed * 0.45 / 64.0 - expected).abs() < 0.01, "{speed}");
+    assert!(
+        (speed * speed * 0.45 / 64.0 - expected).abs() < 0.01,
+        "{speed}"
+    );
     let curve = found.curve_speed_m_s.value;
-    assert!((curve * curve / 20.0 - expected * G).abs() < 0.05, "{curve}");
+    assert!(
+        (curve * curve / 20.0 - expected * G).abs() < 0.05,
+        "{curve}"
+    );
     let slope = found.side_slope_rad.value;
     assert!((math::tan(slope) - expected).abs() < 0.01, "{slope}");
 }
@@ -125,7 +134,11 @@ fn without_friction_the_lower_bound_and_the_reason_are_left() {
 fn the_driven_axle_limits_the_grade() {
     let mut vehicle = vehicle();
     let body = &vehicle.body;
-    let (a, b, h) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m, body.cg_height_m);
+    let (a, b, h) = (
+        body.front_axle_to_cg_m,
+        body.cg_to_rear_axle_m,
+        body.cg_height_m,
+    );
     let l = a + b;
     let climb = |vehicle: &Vehicle, friction: [f64; 2]| {
         math::tan(Climb::new(vehicle).steepest_rad(friction, 1.0))

@@ -7,6 +7,8 @@ tuning! {
     LimitsTuning {
         /// Memory of the means whose ratios are taken.
         mean_s: f64 = 0.3, "s";
+        /// Memory of the present lateral force. With 0.3 s, the bound does not hold in a slalom of 0.2 Hz.
+        present_s: f64 = 0.05, "s";
         /// Lateral specific force over the normal one, for the lateral force of the front and of the rear axle over
         /// its load, where both are small.
         axle_ratio: [f64; 2] = [0.98, 1.1], "1";
@@ -22,6 +24,9 @@ tuning! {
         bend: f64 = 1.35, "1/rad";
         /// Its standard deviation as a part of it.
         bend_part: f64 = 0.4, "1";
+        /// Factor on the standard deviation of the friction: on slippery ground, the estimate approaches the friction from
+        /// above.
+        friction_sigma: f64 = 1.3, "1";
         /// Standard deviation of the friction at the limit as a part of it: load transfer and combined slip.
         friction_part: f64 = 0.04, "1";
         /// Standard deviation of the load transfer of the vehicle file as a part of it: measured height of the centre of

@@ -54,7 +54,7 @@ pub fn all(curves: &Curves<'_>, all: &mut Vec<Candidate>) {
 }
 
 fn of(curves: &Curves<'_>, label: String, factor: f64, picks: &[(&str, Pick)]) -> Panel {
-    let drawn = &curves.drive.limits;
+    let drawn = &curves.drive.reachable;
     let x: Vec<f64> = drawn.iter().map(|(time_s, _)| *time_s).collect();
     let mut one = panel(label, None);
     for (colour, (name, pick)) in picks.iter().enumerate() {

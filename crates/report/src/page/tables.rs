@@ -51,12 +51,17 @@ pub fn learnt(drive: &Drive, body: &mut String) {
 
 /// The limits at the end of the drive.
 fn limits(drive: &Drive, body: &mut String) {
-    let Some((_, limits)) = drive.limits.last() else {
+    let Some((_, limits)) = drive.reachable.last() else {
         return;
     };
     let mut parts: Vec<String> = limits.reason().into_iter().collect();
     for (name, limit, factor, unit) in [
-        ("lateral acceleration left", limits.lateral_m_s2, 1.0, "m/s²"),
+        (
+            "lateral acceleration left",
+            limits.lateral_m_s2,
+            1.0,
+            "m/s²",
+        ),
         (
             "side slope",
             limits.side_slope_rad,

@@ -9,9 +9,10 @@ use sample::{
     Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, Counts,
     DeviceTime, Estimate, Event, EventKind, FixQuality, ForceFrame, ForceSource, GnssAttitude,
     GnssPosition, GnssVelocity, GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations,
-    Limit, LimitedBy, Limits, LimitsUnknown, LogTime, LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Road,
-    RoadPlane, RoadRoughness, Rollover, Sample, Severity, Side, Signal, SignalFrame, SourceHealth,
-    SourceId, SteerSample, TyreForce, Wheel, WheelSpeedSample,
+    Limit, LimitedBy, Limits, LimitsUnknown, LogTime, LossPlace, Measurement, Motion, Notice,
+    Parameters, Payload, PerWheel, Road, RoadPlane, RoadRoughness, Rollover, Sample, Severity,
+    Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel,
+    WheelSpeedSample,
 };
 
 /// Log clock at the start of the run.
