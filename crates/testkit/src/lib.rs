@@ -28,8 +28,6 @@ use std::path::{Path, PathBuf};
 
 pub use allocations::{Counting, allocations};
 pub use hostile::log_of_zeros;
-#[cfg(feature = "truth")]
-pub use once::Once;
 
 /// Environment variable that says whether the recordings in `../shared` must be there (`1`), are left
 /// out (`0`), or are read where they are (unset).

@@ -7,7 +7,6 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 pub struct Once<K, V: 'static>(Mutex<BTreeMap<K, &'static OnceLock<V>>>);
 
 impl<K: Ord, V> Once<K, V> {
-    /// Without any value.
     pub const fn new() -> Self {
         Self(Mutex::new(BTreeMap::new()))
     }

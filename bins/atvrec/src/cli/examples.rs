@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 81] = [
+pub const EXAMPLES: [(&str, &str); 82] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",

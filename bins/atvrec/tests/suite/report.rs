@@ -32,7 +32,6 @@ fn a_report_shows_the_drive_and_what_was_learnt_in_one_file() {
         "gg",
         "handling",
         "grip",
-        "limits",
         "innovations",
         "travel",
         "sources-rates",

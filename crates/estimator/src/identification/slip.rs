@@ -5,18 +5,19 @@
 //! hard start. A regression of the force on the slip would find a stiffness that is too small. So the slip is
 //! regressed on the force:
 //!
-//! kappa = G/C + kappa_0
+//! kappa = G/C + kappa_0 + e (F_z/F_zm - 1)
 //!
 //! G = 3 mu F_z (1 - (1 - |F_x|/(mu F_z))^(1/3)) sign(F_x) (F_z0/F_z)^n
 //!
 //! is the force that a linear tyre would have at the same slip, by the inverse of Fiala's parabola. C is the
 //! stiffness of one tyre at the reference load F_z0, n the load exponent, mu the friction of the vehicle file. An
-//! error of the rolling radius of a wheel is its constant kappa_0.
+//! error of the rolling radius of a wheel is its constant kappa_0. The rolling radius also changes with the load, by
+//! another part of the deflection than the third that the slip supposes: e is that error for the mean load F_zm.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::drive::{series, span_of};
-use super::signals::{smooth, spread, stride};
+use super::signals::{mean, smooth, spread, stride};
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal};
 use crate::regression::{Fit, least_squares};
 
@@ -79,8 +80,8 @@ struct Rows {
 
 /// Finds the longitudinal stiffness of an axle's tyres.
 ///
-/// Findings: `slip_stiffness` (one tyre at the reference load, N per unit slip), `slip_offset_left` and
-/// `slip_offset_right`.
+/// Findings: `slip_stiffness` (one tyre at the reference load, N per unit slip), `slip_by_load` (e),
+/// `slip_offset_left` and `slip_offset_right`.
 ///
 /// # Errors
 /// Columns that differ in length, too little data, forces that do not change.
@@ -193,9 +194,11 @@ fn linear_force_n(force_n: f64, load_n: f64, options: &Options) -> f64 {
 fn fitted(rows: &Rows, options: &Options) -> Result<Fit, Refusal> {
     let size = rows.slip.len();
     let both = rows.left > 0 && rows.left < size;
-    let design = DMatrix::from_fn(size, if both { 3 } else { 2 }, |row, column| match column {
+    let mean_n = mean(rows.load_n.iter().copied());
+    let design = DMatrix::from_fn(size, if both { 4 } else { 3 }, |row, column| match column {
         0 => linear_force_n(rows.force_n[row], rows.load_n[row], options),
-        1 => f64::from(!both || row < rows.left),
+        1 => rows.load_n[row] / mean_n - 1.0,
+        2 => f64::from(!both || row < rows.left),
         _ => f64::from(row >= rows.left),
     });
     least_squares(&design, &DVector::from_column_slice(&rows.slip))
@@ -215,9 +218,14 @@ fn findings(fit: &Fit, rows: &Rows, options: &Options) -> Findings {
     let span = span_of(&places, options.dt_s, stride(options.dt_s, CUTOFF_HZ));
     let both = rows.left > 0 && rows.left < rows.slip.len();
     let names: &[&str] = match (both, rows.left > 0) {
-        (true, _) => &["slip_stiffness", "slip_offset_left", "slip_offset_right"],
-        (false, true) => &["slip_stiffness", "slip_offset_left"],
-        (false, false) => &["slip_stiffness", "slip_offset_right"],
+        (true, _) => &[
+            "slip_stiffness",
+            "slip_by_load",
+            "slip_offset_left",
+            "slip_offset_right",
+        ],
+        (false, true) => &["slip_stiffness", "slip_by_load", "slip_offset_left"],
+        (false, false) => &["slip_stiffness", "slip_by_load", "slip_offset_right"],
     };
     let size = values.len();
     let jacobian = DMatrix::from_fn(size, size, |i, j| match (i, j) {

@@ -9,7 +9,6 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{Limits, LogTime};
 use sim::{Course, Motion, RoughPlan, drive_rough};
-use testkit::Once;
 use testkit::drive::of_motion;
 use testkit::scoring::{Estimated, estimate};
 use testkit::sensing;
@@ -35,7 +34,10 @@ const GROUNDS: [(&str, &str); 3] = [
         "gravel",
         "[part.ground]\nkind = \"friction\"\nfactor = 0.6\n",
     ),
-    ("ice", "[part.ground]\nkind = \"friction\"\nfactor = 0.35\n"),
+    (
+        "slippery",
+        "[part.ground]\nkind = \"friction\"\nfactor = 0.35\n",
+    ),
     (
         "rough",
         "[part.ground]\nkind = \"friction\"\nfactor = 0.45\n[part.track]\nkind = \"iso8608\"\nclass = \"C\"\n\
@@ -92,16 +94,11 @@ fn largest(lateral_m_s2: &[f64], rate_hz: f64) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// The largest steady lateral acceleration on a ground with a payload or none, m/s^2: found once, with a slow ramp
-/// of the steering wheel.
+/// The largest steady lateral acceleration on a ground, m/s^2, with a slow ramp of the steering wheel.
 fn reachable(vehicle: &Vehicle, ground: &str) -> f64 {
-    static FOUND: Once<(String, String), f64> = Once::new();
-    let load = format!("{:?}", vehicle.body);
-    *FOUND.get_or_init((load, ground.to_owned()), || {
-        let ramp = Course::SteeringWheel(Box::new(|t| 0.12 * (t - 1.0).max(0.0)));
-        let run = of_motion(&drive(vehicle, ground, 30.0, SPEED_M_S, ramp), "ramp steer");
-        largest(&lateral(&run), RATE_HZ)
-    })
+    let ramp = Course::SteeringWheel(Box::new(|t| 0.12 * (t - 1.0).max(0.0)));
+    let run = of_motion(&drive(vehicle, ground, 30.0, SPEED_M_S, ramp), "ramp steer");
+    largest(&lateral(&run), RATE_HZ)
 }
 
 /// What was counted over windows.

@@ -7,6 +7,8 @@ use super::{Candidate, panel, timed};
 use crate::options::Quantity;
 use crate::plot::{Data, Panel, Pen, Trace};
 
+/// The value of a limit, or its bound.
+type Part = fn(Limit) -> f64;
 /// One of the limits.
 type Pick = fn(&Limits) -> Limit;
 
@@ -58,7 +60,7 @@ fn of(curves: &Curves<'_>, label: String, factor: f64, picks: &[(&str, Pick)]) -
     let x: Vec<f64> = drawn.iter().map(|(time_s, _)| *time_s).collect();
     let mut one = panel(label, None);
     for (colour, (name, pick)) in picks.iter().enumerate() {
-        let lines: [(String, Pen, fn(Limit) -> f64); 2] = [
+        let lines: [(String, Pen, Part); 2] = [
             ((*name).to_owned(), Pen::Other(colour), |limit| limit.value),
             (
                 format!("{name}, at least"),
