@@ -115,7 +115,7 @@ fn without_friction_the_lower_bound_and_the_reason_are_left() {
     );
     assert!(found.lateral_m_s2.value.is_nan() && found.grade_rad.value.is_nan());
     let least = found.lateral_m_s2.at_least;
-    assert!(least >= 0.0 && least < 0.06 * G, "{least}");
+    assert!((0.0..0.06 * G).contains(&least), "{least}");
     // Without forces nothing is known.
     let motion = Motion::default();
     let forces = PerWheel::default();
