@@ -188,6 +188,7 @@ impl Engine {
             Output::Parameters(parameters) => {
                 records.push(Record::Parameters(Box::new(parameters)))
             }
+            Output::Limits(limits) => records.push(Record::Limits(Box::new(limits))),
             Output::Road(road) => records.push(Record::Road {
                 stage: Stage::Estimate,
                 road: Box::new(road),

@@ -57,6 +57,7 @@ pub fn read_drive(
         pitch_rad: each("pitch_rad"),
         steer_rad: wheels("steer_rad"),
         slip_angle_rad: wheels("slip_angle_rad"),
+        longitudinal_slip: wheels("longitudinal_slip"),
         steer_offset_rad: learnt_offset(reader, &grid)?,
     };
     let forces = read_forces(reader, window, &grid)?;
@@ -119,6 +120,7 @@ const fn schema_of(sense: Sense) -> &'static str {
         Sense::Velocity => "atvrec.GnssVelocity",
         Sense::Steer => "atvrec.Steer",
         Sense::Strain => "atvrec.Strain",
+        Sense::WheelSpeed => "atvrec.WheelSpeed",
     }
 }
 

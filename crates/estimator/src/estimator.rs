@@ -4,6 +4,7 @@ mod aiding;
 mod balances;
 mod events;
 mod lagged;
+mod limits;
 mod mistakes;
 mod monitors;
 mod payload;
@@ -16,8 +17,8 @@ mod temperature;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
-    Estimate, Event, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Road, Sample,
-    SourceId, Wheel,
+    Estimate, Event, Limits, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Road,
+    Sample, SourceId, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -31,6 +32,7 @@ use crate::inertial_forces::InertialForces;
 use crate::innovation::InnovationTally;
 use crate::inputs::Readings;
 use crate::lift::LiftDetector;
+use crate::limits::LimitsEstimator;
 use crate::motion::{ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, VelocityReceiver};
 use crate::planar::Planar;
 use crate::road::{RoadEstimator, SlopeFilter};
@@ -66,6 +68,9 @@ pub enum Output {
     Road(Road),
     /// The road two steps before, with the loads that were measured since.
     LaggedRoad(Road),
+    /// What the vehicle can still do, at each tenth of a second of the log clock, before the estimate of the instant, for
+    /// vehicles with the force filter.
+    Limits(Limits),
     /// Estimated parameters, at each full second of the log clock, after the estimate.
     Parameters(Parameters),
     /// An event.
@@ -108,6 +113,7 @@ pub struct Estimator {
     grip: Grip,
     road: Option<RoadEstimator>,
     slope: SlopeFilter,
+    limits: Option<LimitsEstimator>,
     /// Longitudinal slips of the last step.
     slip_before: [f64; 4],
     planar: Option<Planar>,
@@ -190,6 +196,9 @@ impl Estimator {
                 .is_some()
                 .then(|| RoadEstimator::new(vehicle, &t.road)),
             slope: SlopeFilter::default(),
+            limits: fusion
+                .is_some()
+                .then(|| LimitsEstimator::new(vehicle, settings.curve_radius_m, &t.limits)),
             slip_before: [f64::NAN; 4],
             fusion,
             feedback: EstimatorFeedback::default(),
@@ -359,6 +368,7 @@ impl Estimator {
             self.learn_grip(time, &state, &motion, &measured, &reported, out);
         }
         self.watch_mistakes(time, out);
+        self.find_limits(time, &motion, &measured, &rollover, settled, out);
         self.feedback = self.feed_back(measured, steering_wheel);
         let estimate = Estimate {
             time,

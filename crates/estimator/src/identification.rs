@@ -16,6 +16,7 @@ pub mod response;
 pub mod roll_centre;
 pub mod roll_pitch;
 pub mod signals;
+pub mod slip;
 pub mod tyre;
 pub mod understeer;
 

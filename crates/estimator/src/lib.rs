@@ -30,6 +30,7 @@ mod innovation;
 mod inputs;
 mod kinematics;
 mod lift;
+mod limits;
 pub mod mistakes;
 pub mod motion;
 pub mod planar;

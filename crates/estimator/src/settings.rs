@@ -12,6 +12,9 @@ pub struct Settings {
     pub ignore: Vec<Input>,
     /// Payloads of the vehicle file that are on the vehicle at the start.
     pub payload: Vec<String>,
+    /// Radius of the curve whose largest speed is wanted, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub curve_radius_m: Option<f64>,
     /// Tuned numbers.
     pub tuning: Tuning,
 }

@@ -12,6 +12,7 @@ mod corners;
 mod fusion;
 mod grip;
 mod inertial_forces;
+mod limits;
 mod mistakes;
 mod motion;
 mod planar;
@@ -27,6 +28,7 @@ pub use fusion::{
 };
 pub use grip::GripTuning;
 pub use inertial_forces::InertialForcesTuning;
+pub use limits::LimitsTuning;
 pub use mistakes::MistakeTuning;
 pub use motion::{AidingTuning, JumpTuning, MotionTuning, ReceiverTuning};
 pub use planar::{PlanarInputTuning, PlanarTuning};
@@ -138,6 +140,7 @@ tuning! {
         group lift: LiftTuning;
         group road: RoadTuning;
         group slip: SlipTuning;
+        group limits: LimitsTuning;
         group planar: PlanarTuning;
         group inertial_forces: InertialForcesTuning;
     }

@@ -99,8 +99,15 @@ export function show(values, nowS) {
   showTransfer(values.rollover);
 }
 
+// A limit and its lower bound, or the bound alone.
+function limit(found, text, decimals, unit) {
+  const known = (value) => value !== null && value !== undefined;
+  const least = known(found?.at_least) ? `at least ${text(found.at_least, decimals)} ${unit}` : "–";
+  return known(found?.value) ? `${text(found.value, decimals)}, ${least}` : least;
+}
+
 function showMotion(values) {
-  const { motion, rollover, parameters, next_lift: next } = values;
+  const { motion, rollover, parameters, limits, next_lift: next } = values;
   const lift = next ? `${WHEELS[wheelIndex(next.wheel)]} in ${number(next.time_s, 1)} s` : rollover ? "none near" : "–";
   const grip = (axle) => parameters
     ? `${number(100 * axle.utilisation)} ± ${number(100 * axle.utilisation_sigma)} %` : "–";
@@ -116,6 +123,12 @@ function showMotion(values) {
     ["Friction used, rear", grip(parameters?.rear)],
     ["Grip, front", least(parameters?.front)],
     ["Grip, rear", least(parameters?.rear)],
+    ["Lateral acceleration left", limit(limits?.lateral_m_s2, number, 1, "m/s²")],
+    ["Largest speed in this turn", limit(limits?.speed_m_s, number, 1, "m/s")],
+    ["Largest speed in the set curve", limit(limits?.curve_speed_m_s, number, 1, "m/s")],
+    ["Steepest side slope", limit(limits?.side_slope_rad, degrees, 0, "°")],
+    ["Steepest grade", limit(limits?.grade_rad, degrees, 0, "°")],
+    ["Limits", limits ? limits.reason ?? "known" : "–"],
   ];
   if (!motionRows) {
     motionRows = rows.map(([name]) => {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::ws::{Message, WebSocket};
-use sample::{ForceFrame, LogTime, Motion, Parameters, PerWheel, Rollover};
+use sample::{ForceFrame, Limits, LogTime, Motion, Parameters, PerWheel, Rollover};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use store::{ChannelInfo, Record, RowDecoder, Stage};
@@ -22,17 +22,20 @@ const STATUS_PERIOD: Duration = Duration::from_millis(500);
 /// Period of pings, by which a dead connection is noticed.
 const PING: Duration = Duration::from_secs(10);
 /// Topics that every page shows.
-const SHOWN: [&str; 7] = [
+const SHOWN: [&str; 8] = [
     "/estimate/motion",
     "/estimate/tyre_forces",
     "/estimate/contact_forces",
     "/estimate/rollover",
+    "/estimate/limits",
     "/estimate/parameters",
     "/estimate/events",
     "/tf",
 ];
 /// Time for which parameters are shown; they come once a second, s.
 const PARAMETERS_S: f64 = 2.0;
+/// Age of limits from which they are not shown, s: they come ten times a second.
+const LIMITS_S: f64 = 0.5;
 /// Most plotted signals of a page, and most values of a signal in one message.
 const PLOTS_MAX: usize = 16;
 const VALUES_MAX: usize = 100;
@@ -89,6 +92,7 @@ struct Parts {
     contact: Option<PerWheel<sample::TyreForce>>,
     rollover: Option<Rollover>,
     parameters: Option<Parameters>,
+    limits: Option<Limits>,
     /// East, north and heading of the vehicle.
     place: Option<[f64; 3]>,
     events: Vec<Value>,
@@ -207,6 +211,7 @@ impl Page {
             "rollover": parts.rollover,
             "next_lift": parts.rollover.and_then(|rollover| rollover.next_lift()),
             "parameters": parts.parameters(),
+            "limits": parts.limits(),
             "place": parts.place,
             "events": std::mem::take(&mut parts.events),
             "plots": plots,
@@ -283,6 +288,23 @@ impl Parts {
         self.parameters.as_ref().filter(is_near)
     }
 
+    /// The limits and the reason of unknown ones, if they belong to the estimate.
+    fn limits(&self) -> Value {
+        let is_near = |of: &&Limits| of.time.seconds_since(self.time).abs() < LIMITS_S;
+        let limits = self.limits.as_ref().filter(is_near);
+        limits.map_or(Value::Null, |limits| {
+            json!({
+                "reason": limits.reason(),
+                "lateral_m_s2": limits.lateral_m_s2,
+                "speed_m_s": limits.speed_m_s,
+                "curve_radius_m": limits.curve_radius_m,
+                "curve_speed_m_s": limits.curve_speed_m_s,
+                "side_slope_rad": limits.side_slope_rad,
+                "grade_rad": limits.grade_rad,
+            })
+        })
+    }
+
     fn take(&mut self, record: Record) {
         match record {
             Record::Motion {
@@ -308,6 +330,7 @@ impl Parts {
             },
             Record::Rollover { rollover, .. } => self.rollover = Some(rollover),
             Record::Parameters(parameters) => self.parameters = Some(*parameters),
+            Record::Limits(limits) => self.limits = Some(*limits),
             Record::Event(event) => self.events.push(json!(event)),
             Record::Transforms { transforms, .. } => {
                 let mut body = transforms.iter();
@@ -347,5 +370,23 @@ mod tests {
             parts.take(motion(at.offset_seconds(jump_s)));
             assert!(parts.parameters().is_none(), "{jump_s} s");
         }
+    }
+
+    #[test]
+    fn limits_of_another_position_are_not_shown() {
+        let at = LogTime(100_000_000_000);
+        let mut parts = Parts::default();
+        let mut limits = Limits::unknown(at, sample::LimitsUnknown::Grip);
+        limits.grip_used = 0.24;
+        parts.take(Record::Limits(Box::new(limits)));
+        parts.time = at.offset_seconds(0.1);
+        let shown = parts.limits();
+        assert_eq!(
+            shown["reason"],
+            "no more than 0.3 of the grip has been used"
+        );
+        assert!(shown["lateral_m_s2"]["value"].is_null(), "{shown}");
+        parts.time = at.offset_seconds(30.0);
+        assert!(parts.limits().is_null());
     }
 }

@@ -23,7 +23,11 @@ impl Collected {
             Output::Estimate(estimate) => self.estimates.push(estimate),
             Output::Parameters(parameters) => self.parameters.push(parameters),
             Output::Event(event) => self.events.push(event),
-            Output::Lagged(_) | Output::LaggedRoad(_) | Output::Road(_) | Output::Step(_) => {}
+            Output::Lagged(_)
+            | Output::LaggedRoad(_)
+            | Output::Limits(_)
+            | Output::Road(_)
+            | Output::Step(_) => {}
         }
     }
 

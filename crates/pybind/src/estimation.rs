@@ -48,6 +48,7 @@ impl SampleEstimator {
                 .collect::<PyResult<_>>()?,
             payload,
             tuning: tuning.inner,
+            ..Settings::default()
         };
         let (sensors, calibration) = (&sensors.inner, &calibration.inner);
         let estimator = Estimator::new(&vehicle.inner, sensors, calibration, settings);

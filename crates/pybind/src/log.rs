@@ -350,6 +350,7 @@ impl LogReader {
                 window_s: 10.0,
             },
             identification::Method::Friction,
+            identification::Method::Slip,
         ];
         let known = methods.each_ref().map(identification::Method::title);
         let method = methods.into_iter().find(|method| method.title() == kind);

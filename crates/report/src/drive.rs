@@ -6,7 +6,7 @@ mod sources;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use sample::{Event, Health, LogTime};
+use sample::{Event, Health, Limits, LogTime};
 use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset};
 
 use crate::figures::WHEELS;
@@ -17,9 +17,10 @@ pub use learnt::{Grip, Learnt};
 pub use sources::{SourceRates, local_m, place_of};
 
 /// Topics whose messages are read one by one; they are few.
-const RECORDS: [&str; 7] = [
+const RECORDS: [&str; 8] = [
     "/estimate/events",
     "/estimate/parameters",
+    "/estimate/limits",
     "/health",
     "/mark",
     "/log",
@@ -93,6 +94,8 @@ pub struct Drive {
     pub rates: BTreeMap<String, SourceRates>,
     /// What the estimator has found of sensors and tyres.
     pub learnt: Learnt,
+    /// What the vehicle could still do: the limits that are drawn, with their seconds since the start.
+    pub reachable: Vec<(f64, Limits)>,
     /// Declared events.
     pub events: Vec<Event>,
     /// Marks set by people.
@@ -379,6 +382,14 @@ impl Drive {
                 let time_s = self.seconds(parameters.time);
                 let apart_s = self.thinning.stretch_s(0.0);
                 self.learnt.take(*parameters, time_s, apart_s);
+            }
+            Record::Limits(limits) => {
+                let time_s = self.seconds(limits.time);
+                let next_s = self.thinning.stretch_s(0.0);
+                let last = self.reachable.last();
+                if last.is_none_or(|(last_s, _)| time_s >= last_s + next_s) {
+                    self.reachable.push((time_s, *limits));
+                }
             }
             Record::Health(health) => self.health = Some(health),
             Record::ClockFit(fit) => {

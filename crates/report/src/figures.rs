@@ -2,6 +2,7 @@
 
 mod curves;
 mod diagrams;
+mod limits;
 mod sensors;
 mod vehicle;
 
@@ -70,6 +71,7 @@ impl Figures {
         let mut curves = Curves::new(drive, reference.as_ref(), options, blob);
         vehicle::motion(&mut curves, &mut candidates);
         vehicle::grip(&mut curves, &mut candidates);
+        limits::all(&curves, &mut candidates);
         drop(reference);
         let mut curves = Curves::new(drive, None, options, blob);
         diagrams::all(&mut curves, &mut candidates);

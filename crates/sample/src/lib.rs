@@ -20,6 +20,7 @@ mod axes;
 pub mod boundary;
 mod estimate;
 mod innovation;
+mod limits;
 mod measurement;
 mod road;
 mod stamp;
@@ -33,6 +34,7 @@ pub use estimate::{
     NextLift, Parameters, Rollover, Severity, SourceHealth, TyreForce,
 };
 pub use innovation::{InnovationKind, Innovations};
+pub use limits::{Limit, LimitedBy, Limits, LimitsUnknown};
 pub use measurement::{
     Attitude, ControlSample, CornerSample, Counts, DeviceTime, FixQuality, GnssAttitude,
     GnssPosition, GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, Measurement,

@@ -2,6 +2,7 @@
 
 mod direct;
 mod estimate;
+mod limits;
 mod road;
 mod scene;
 mod sensor;
@@ -24,6 +25,7 @@ use estimate::{
     motion_to_proto, parameters_from_proto, parameters_to_proto, rollover_from_proto,
     rollover_to_proto, transforms_from_proto, transforms_to_proto,
 };
+use limits::{limits_from_proto, limits_to_proto};
 use road::{friction_from_proto, road_from_proto, road_to_proto};
 
 pub(crate) use direct::{forces, motion};
@@ -270,6 +272,10 @@ pub(crate) fn encode(
             let (topic, time) = (Topic::Stage(*stage, "road"), road.time);
             to.emit(topic, time, time, &road_to_proto(road));
         }
+        Record::Limits(limits) => {
+            let message = limits_to_proto(limits);
+            to.fixed("/estimate/limits", limits.time, &message);
+        }
         Record::Friction { time, coefficient } => to.friction(*time, *coefficient),
         Record::Ground { time, ground } => to.ground(*time, ground),
         Record::Pose { time, pose } => to.pose(*time, pose),
@@ -425,6 +431,10 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
                 None => road_from_proto(time, &pb::Road::decode(data)?),
             }),
         },
+        "atvrec.Limits" => Record::Limits(Box::new(limits_from_proto(
+            time,
+            &pb::Limits::decode(data)?,
+        ))),
         "atvrec.Friction" => Record::Friction {
             time,
             coefficient: match direct::friction(data) {

@@ -1,6 +1,6 @@
 use sample::{
-    Estimate, Event, ForceFrame, Health, LogTime, Motion, Parameters, PerWheel, Road, Rollover,
-    Sample, Severity, SourceId, TyreForce,
+    Estimate, Event, ForceFrame, Health, Limits, LogTime, Motion, Parameters, PerWheel, Road,
+    Rollover, Sample, Severity, SourceId, TyreForce,
 };
 
 use crate::Scene;
@@ -51,6 +51,8 @@ pub enum Record {
         /// The road.
         road: Box<Road>,
     },
+    /// What the vehicle can still do.
+    Limits(Box<Limits>),
     /// Friction coefficient of the ground under each wheel: a part of the truth.
     Friction {
         /// The instant.

@@ -2,7 +2,7 @@
 
 use model::vehicle::Vehicle;
 use sample::Wheel;
-use sim::{Manoeuvre, TruthState};
+use sim::{Manoeuvre, Motion, TruthState};
 
 use crate::truth::{RATE_HZ, Run};
 
@@ -10,7 +10,11 @@ use crate::truth::{RATE_HZ, Run};
 pub fn virtual_drive(vehicle: &Vehicle, manoeuvre: Manoeuvre, span_s: f64) -> Run {
     let lap = manoeuvre.drive(vehicle).expect("the vehicle can be driven");
     let laps = (span_s / lap.duration_s()).ceil().max(1.0);
-    let motion = lap.repeated(laps as u32);
+    of_motion(&lap.repeated(laps as u32), manoeuvre.name())
+}
+
+/// A motion as a run of this name.
+pub fn of_motion(motion: &Motion, name: &str) -> Run {
     let rows = (motion.duration_s() * RATE_HZ) as usize;
     let mut columns = sim::Columns::new();
     for row in 0..rows {
@@ -20,7 +24,7 @@ pub fn virtual_drive(vehicle: &Vehicle, manoeuvre: Manoeuvre, span_s: f64) -> Ru
         }
     }
     Run {
-        name: manoeuvre.name().to_owned(),
+        name: name.to_owned(),
         rows,
         columns,
     }

@@ -4,7 +4,7 @@ use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{Estimate, Event, Road, Sample, Wheel};
+use sample::{Estimate, Event, Limits, Parameters, Road, Sample, Wheel};
 
 use crate::sensing;
 use crate::truth::{RATE_HZ, Run};
@@ -29,6 +29,10 @@ pub struct Estimated {
     pub roads: Vec<Road>,
     /// The road with a lag of 20 ms.
     pub lagged_roads: Vec<Road>,
+    /// What the vehicle can still do, each 100 ms.
+    pub limits: Vec<Limits>,
+    /// Grip of the axles, each second.
+    pub parameters: Vec<Parameters>,
     /// Events in their order.
     pub events: Vec<Event>,
 }
@@ -55,7 +59,9 @@ pub fn estimate(
             Output::Lagged(estimate) => result.lagged.push(estimate),
             Output::Road(road) => result.roads.push(road),
             Output::LaggedRoad(road) => result.lagged_roads.push(road),
-            Output::Parameters(_) | Output::Step(_) => {}
+            Output::Limits(limits) => result.limits.push(limits),
+            Output::Parameters(parameters) => result.parameters.push(parameters),
+            Output::Step(_) => {}
         });
         estimator.push(sample);
     }

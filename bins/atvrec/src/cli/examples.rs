@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 82] = [
+pub const EXAMPLES: [(&str, &str); 83] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -170,6 +170,10 @@ pub const EXAMPLES: [(&str, &str); 82] = [
         "friction, from braking or cornering at the limit",
     ),
     ("atvrec identify tyre sine.mcap", "curve of the tyre"),
+    (
+        "atvrec identify slip brake.mcap",
+        "longitudinal stiffness of the tyres, from a start and braking",
+    ),
     (
         "atvrec identify roll-centre prowler",
         "roll centres, from the hard-points of a vehicle",

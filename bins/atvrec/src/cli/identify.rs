@@ -30,6 +30,8 @@ pub enum IdentifyCommand {
     /// The raw data is estimated again. Each mistake is compared with "all is as configured"; the ratio of their
     /// likelihoods over the drive decides.
     Mistakes(IdentifyMistakesArgs),
+    /// Longitudinal stiffness of the tyres (a start with much throttle and hard braking).
+    Slip(IdentifyArgs),
     /// Tyre parameters, yaw inertia, gains and offsets for a car without suspension sensors.
     ///
     /// The result is for the estimate of the sideslip angle.

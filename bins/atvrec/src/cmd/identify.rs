@@ -53,6 +53,7 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
             (in_drive(&args.shared, &method)?, &args.shared.output)
         }
         IdentifyCommand::Friction(args) => (in_drive(args, &Method::Friction)?, &args.output),
+        IdentifyCommand::Slip(args) => (in_drive(args, &Method::Slip)?, &args.output),
         IdentifyCommand::Handling(args) => return handling::run(args),
         IdentifyCommand::Mistakes(args) => return mistakes::run(args),
     };

@@ -184,6 +184,62 @@ fn the_wrong_manoeuvre_and_the_wrong_vehicle_are_refused_by_name() {
     );
 }
 
+/// Largest error of the longitudinal stiffness of one drive, and of the mean of four drives, as parts of it.
+const SLIP_NEAR: [f64; 2] = [0.15, 0.05];
+
+/// The virtual vehicle has 12000 N per unit slip at the reference load of both axles' tyres.
+#[test]
+fn a_start_and_braking_give_the_longitudinal_stiffness() {
+    let place = tempfile::tempdir().unwrap();
+    let here = place.path();
+    let (mut inside, mut all) = (0, 0);
+    let mut sums = [0.0; 2];
+    for seed in ["1", "2", "3", "4"] {
+        let options = ["--manoeuvre", "launch-brake", "--seed", seed];
+        simulate(here, "brake.mcap", &options);
+        let found = json(here, &["slip", "brake.mcap", "-o", "slip.toml", "--force"]);
+        let results = found["results"].as_array().unwrap();
+        assert_eq!(results.len(), 2, "{found}");
+        for (result, sum) in results.iter().zip(&mut sums) {
+            let finding = &result["findings"][0];
+            assert_eq!(finding["name"], "slip_stiffness");
+            let [value, low, high] = [
+                &finding["value"],
+                &finding["interval"][0],
+                &finding["interval"][1],
+            ]
+            .map(|number| number.as_f64().unwrap());
+            println!(
+                "seed {seed}: {} {value:.0} in {low:.0} to {high:.0} N",
+                result["what"]
+            );
+            assert!((value / 12_000.0 - 1.0).abs() < SLIP_NEAR[0], "{result}");
+            *sum += value;
+            inside += u32::from(low < 12_000.0 && 12_000.0 < high);
+            all += 1;
+        }
+    }
+    for sum in sums {
+        assert!((sum / 48_000.0 - 1.0).abs() < SLIP_NEAR[1], "{sums:?}");
+    }
+    assert!(
+        f64::from(inside) >= 0.85 * f64::from(all),
+        "{inside} of {all}"
+    );
+    let text = std::fs::read_to_string(here.join("slip.toml")).unwrap();
+    assert!(text.contains("rear.tyre.slip_stiffness_n"), "{text}");
+    simulate(here, "sine.mcap", &["--manoeuvre", "slow-sine"]);
+    let refused = atvrec(here)
+        .args(["identify", "slip", "sine.mcap"])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(
+        refused.status.code() == Some(1) && said.contains("then brake hard"),
+        "{said}"
+    );
+}
+
 /// On the circle's asphalt the truth's steer angle beyond Ackermann's rises by this with lateral
 /// acceleration where that is small, rad/(m/s^2).
 const UNDERSTEER: f64 = 0.0133;

@@ -35,6 +35,7 @@ mod inputs;
 #[cfg(target_os = "linux")]
 mod interrupt;
 mod left_out;
+mod limits;
 #[cfg(feature = "live")]
 mod live;
 #[cfg(target_os = "linux")]

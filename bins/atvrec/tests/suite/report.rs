@@ -47,6 +47,7 @@ fn a_report_shows_the_drive_and_what_was_learnt_in_one_file() {
             "{section}"
         );
     }
+    assert!(page.contains("Limits at the end of the drive: "));
     assert!(page.contains("accelerometer bias, x") && page.contains("stiffness factor, rear"));
     assert!(page.contains("<p id=\"verdict\">Recording complete, no loss; "));
     let (_, body) = page.rsplit_once("<body>").expect("a body");

@@ -1,6 +1,6 @@
 //! `[vehicle]` and `[estimator]`: configuration of the estimator.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use estimator::tuning::Group;
 use estimator::{Calibration, Input, Method, Settings, Tuning};
@@ -12,6 +12,8 @@ use super::files::{FileKind, Files};
 use super::overrides;
 use model::file::{ErrorCollector, Field, NumberOrList, Section, closest};
 
+/// Radius of the curve whose largest speed is wanted, m.
+const CURVE_RADIUS_M: RangeInclusive<f64> = 1.0..=10_000.0;
 /// Names of the methods in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
 /// Names of the inputs in the file.
@@ -51,6 +53,7 @@ pub fn read(
     let enabled = section.optional::<bool>("enabled", collector);
     let method = section.optional::<String>("method", collector);
     let ignore = section.optional::<Vec<String>>("ignore", collector);
+    let curve_radius_m = section.optional::<f64>("curve_radius_m", collector);
     let mut tuning = Tuning::default();
     if let Some(section) = section.optional_section("tuning", collector) {
         read_tuning(section, &mut tuning, collector);
@@ -65,6 +68,7 @@ pub fn read(
     vehicle.finish(collector);
 
     let mut settings = read_settings(method, ignore, tuning, collector);
+    settings.curve_radius_m = curve_radius_m.and_then(|field| checked_radius(&field, collector));
     if enabled.as_ref().is_some_and(|field| !field.value) {
         return None;
     }
@@ -144,9 +148,21 @@ fn read_settings(
                 .filter_map(|name| by_name(&field, name, &INPUTS, collector))
                 .collect()
         }),
-        payload: Vec::new(),
         tuning,
+        ..Settings::default()
     }
+}
+
+/// The radius of a curve that a vehicle can drive.
+fn checked_radius(field: &Field<f64>, collector: &mut ErrorCollector<'_>) -> Option<f64> {
+    let known = CURVE_RADIUS_M.contains(&field.value);
+    if !known {
+        let (least, most) = (CURVE_RADIUS_M.start(), CURVE_RADIUS_M.end());
+        let message = format!("{} m is not a radius from {least} to {most} m", field.value);
+        let help = "write the radius of the curve whose largest speed is wanted, such as 20";
+        collector.add(&field.span, &field.name, message, help);
+    }
+    known.then_some(field.value)
 }
 
 /// The first built-in sensor set, for a vehicle without sensors in the configuration.
@@ -356,5 +372,22 @@ mod tests {
         );
         let short = problems("jumps.largest = [1.0, 2.0]");
         assert!(short.contains("a list of 3 numbers is expected"), "{short}");
+    }
+
+    #[test]
+    fn the_radius_of_the_curve_is_read_and_a_wrong_one_is_reported() {
+        let read = |value: &str| {
+            let text =
+                format!("[vehicle]\nfile = \"prowler\"\n[estimator]\ncurve_radius_m = {value}\n");
+            Config::from_text(&text, Path::new("."))
+        };
+        let config = read("20").expect("a radius");
+        let settings = config.estimator.map(|estimator| estimator.settings);
+        assert_eq!(settings.and_then(|s| s.curve_radius_m), Some(20.0));
+        let error = read("-5").expect_err("no radius").to_string();
+        assert!(
+            error.contains("estimator.curve_radius_m: -5 m is not a radius from 1 to 10000 m"),
+            "{error}"
+        );
     }
 }

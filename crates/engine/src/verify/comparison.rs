@@ -29,8 +29,9 @@ const HEALTH: &str = "/health";
 /// Topics of the estimator.
 const ESTIMATED: [&str; 4] = ["/estimate/", "/model/", SMOOTHED, LAGGED];
 /// Topics that logs of earlier versions do not contain.
-const LATER: [&str; 5] = [
+const LATER: [&str; 6] = [
     "/utc_offset",
+    "/estimate/limits",
     TYRE_FORCES,
     "/smoothed/tyre_forces",
     "/tf",

@@ -59,6 +59,9 @@ impl Estimator {
         if let Some(road) = &mut self.road {
             road.load(&vehicle);
         }
+        if let Some(limits) = &mut self.limits {
+            limits.load(&vehicle);
+        }
         let static_n = PerWheel::from_fn(|wheel: Wheel| vehicle.static_load_n(wheel));
         self.lift.load(static_n, &self.settings.tuning.lift);
         self.vehicle = vehicle;

@@ -4,8 +4,8 @@
 use model::vehicle::Vehicle;
 
 use super::{
-    Overrides, Recorded, cornering, friction, inertia, response, roll_centre, roll_pitch, tyre,
-    understeer,
+    Overrides, Recorded, cornering, friction, inertia, response, roll_centre, roll_pitch, slip,
+    tyre, understeer,
 };
 use crate::EstimatorError;
 use crate::finding::{Findings, Refusal};
@@ -24,6 +24,8 @@ pub enum Sense {
     Steer,
     /// Tyre forces.
     Strain,
+    /// Wheel speeds.
+    WheelSpeed,
 }
 
 impl Sense {
@@ -35,6 +37,7 @@ impl Sense {
             Self::Velocity => "GNSS velocity",
             Self::Steer => "steer angle",
             Self::Strain => "strain",
+            Self::WheelSpeed => "wheel speed",
         }
     }
 }
@@ -61,6 +64,8 @@ pub enum Method {
     },
     /// Friction of the tyres.
     Friction,
+    /// Longitudinal stiffness of the tyres.
+    Slip,
 }
 
 /// What a method found.
@@ -84,6 +89,7 @@ impl Method {
             Self::Understeer => "understeer",
             Self::Response { .. } => "response",
             Self::Friction => "friction",
+            Self::Slip => "slip",
         }
     }
 
@@ -98,6 +104,7 @@ impl Method {
             Self::Understeer => "understeer gradient",
             Self::Response { .. } => "response",
             Self::Friction => "friction",
+            Self::Slip => "longitudinal stiffness",
         }
     }
 
@@ -109,6 +116,12 @@ impl Method {
             Self::Tyre(_) | Self::Friction => {
                 &[Sense::Inertia, Sense::Velocity, Sense::Steer, Sense::Strain]
             }
+            Self::Slip => &[
+                Sense::Inertia,
+                Sense::Velocity,
+                Sense::WheelSpeed,
+                Sense::Strain,
+            ],
             Self::RollPitch => &[Sense::Inertia],
             Self::YawInertia => &[Sense::Inertia, Sense::Strain],
             Self::Response { .. } => &[Sense::Inertia, Sense::Steer],
@@ -142,6 +155,7 @@ impl Method {
                 window_s,
             } => response(recorded, *step_min_rad, *window_s, seed),
             Self::Friction => friction(recorded, seed),
+            Self::Slip => slip(recorded, seed),
         }
     }
 }
@@ -334,6 +348,37 @@ fn friction(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError
                 result.what = format!("{name} {}", result.what);
                 let value = result.value("friction")[0];
                 found.overrides.set(&format!("{name}.tyre.friction"), value);
+                found.results.push(result);
+            }
+            Err(refusal) => refusals.push((format!("{name} axle"), refusal)),
+        }
+    }
+    match (found.results.first_mut(), refusals.into_iter().next()) {
+        (None, Some((part, refusal))) => return Err(part_refused(part, refusal)),
+        (Some(first), Some((part, refusal))) => first.notes.push(format!("{part}: {refusal}")),
+        _ => {}
+    }
+    Ok(found)
+}
+
+fn slip(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
+    let mut found = Identified::default();
+    let mut refusals: Vec<(String, Refusal)> = Vec::new();
+    for (axle, name) in AXLES.into_iter().enumerate() {
+        let file = [&recorded.vehicle.front.tyre, &recorded.vehicle.rear.tyre][axle];
+        let options = slip::Options {
+            dt_s: recorded.drive.dt_s,
+            reference_load_n: file.reference_load_n,
+            load_exponent: file.load_exponent,
+            friction: file.friction,
+            seed,
+        };
+        match slip::identify(&recorded.rolling(axle), &options) {
+            Ok(mut result) => {
+                result.what = format!("{name} {}", result.what);
+                let value = result.value("slip_stiffness")[0];
+                let key = format!("{name}.tyre.slip_stiffness_n");
+                found.overrides.set(&key, value);
                 found.results.push(result);
             }
             Err(refusal) => refusals.push((format!("{name} axle"), refusal)),

@@ -4,7 +4,7 @@ use model::steering::SteeringGear;
 use model::vehicle::Vehicle;
 use sample::{PerWheel, Wheel};
 
-use super::{Drive, tyre};
+use super::{Drive, slip, tyre};
 
 /// Interval of the rows of tyre data that are used.
 const TYRE_STRIDE: usize = 10;
@@ -33,6 +33,8 @@ pub struct Motion {
     pub steer_rad: PerWheel<Vec<f64>>,
     /// Slip angle of each tyre, rad.
     pub slip_angle_rad: PerWheel<Vec<f64>>,
+    /// Longitudinal slip of each wheel.
+    pub longitudinal_slip: PerWheel<Vec<f64>>,
     /// What the estimator has learnt of the steering encoder's zero: how much further left the front
     /// wheels stand than the encoder says, rad.
     pub steer_offset_rad: Vec<f64>,
@@ -59,6 +61,7 @@ pub struct Recorded {
     /// Forces along the wheel and across it, N.
     forces_n: PerWheel<[Vec<f64>; 2]>,
     slip_angle_rad: PerWheel<Vec<f64>>,
+    longitudinal_slip: PerWheel<Vec<f64>>,
     steer_rad: PerWheel<Vec<f64>>,
 }
 
@@ -105,6 +108,7 @@ impl Recorded {
             fused,
             forces_n,
             slip_angle_rad: motion.slip_angle_rad,
+            longitudinal_slip: motion.longitudinal_slip,
             steer_rad: motion.steer_rad,
         }
     }
@@ -127,6 +131,20 @@ impl Recorded {
             }
         }
         data
+    }
+
+    /// Longitudinal slip and force of an axle's two wheels; 0 is the front axle.
+    #[must_use]
+    pub fn rolling(&self, axle: usize) -> [slip::Data; 2] {
+        [2 * axle, 2 * axle + 1].map(|wheel| {
+            let [along, across] = &self.forces_n.0[wheel];
+            slip::Data {
+                slip: self.longitudinal_slip.0[wheel].clone(),
+                longitudinal_n: along.clone(),
+                lateral_n: across.clone(),
+                load_n: self.drive.loads_n.0[wheel].clone(),
+            }
+        })
     }
 
     /// Moment of the tyre forces about the centre of gravity, sum of x F_y - y F_x, N m; NaN without

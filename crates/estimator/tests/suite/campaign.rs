@@ -267,6 +267,7 @@ fn estimate(
             }
             Output::Lagged(_)
             | Output::LaggedRoad(_)
+            | Output::Limits(_)
             | Output::Road(_)
             | Output::Parameters(_)
             | Output::Step(_) => {}

@@ -46,6 +46,44 @@ pub fn learnt(drive: &Drive, body: &mut String) {
         "deg",
     );
     body.push_str("</table></div>");
+    limits(drive, body);
+}
+
+/// The limits at the end of the drive.
+fn limits(drive: &Drive, body: &mut String) {
+    let Some((_, limits)) = drive.reachable.last() else {
+        return;
+    };
+    let mut parts: Vec<String> = limits.reason().into_iter().collect();
+    for (name, limit, factor, unit) in [
+        (
+            "lateral acceleration left",
+            limits.lateral_m_s2,
+            1.0,
+            "m/s²",
+        ),
+        (
+            "side slope",
+            limits.side_slope_rad,
+            1_f64.to_degrees(),
+            "deg",
+        ),
+        ("grade", limits.grade_rad, 1_f64.to_degrees(), "deg"),
+    ] {
+        if limit.at_least.is_nan() {
+            continue;
+        }
+        let mut part = format!("{name} at least {:.1} {unit}", factor * limit.at_least);
+        if limit.value.is_finite() {
+            let _ = write!(part, " (estimate {:.1} {unit})", factor * limit.value);
+        }
+        parts.push(part);
+    }
+    let _ = write!(
+        body,
+        "<p>Limits at the end of the drive: {}.</p>",
+        html(&parts.join("; "))
+    );
 }
 
 pub fn sources(drive: &Drive, body: &mut String) {

@@ -864,6 +864,62 @@ impl ::prost::Name for RoadRoughness {
         "/atvrec.RoadRoughness".into()
     }
 }
+/// How much further the vehicle can go on the ground of the last seconds. Values are absent where unknown. A
+/// value whose name ends with _at_least is a lower bound that holds with a probability of 0.95; it may be known
+/// where the limit itself is not.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Limits {
+    /// Why the limits are not known: LIMITS_UNKNOWN_NOTHING where they are.
+    #[prost(enumeration = "LimitsUnknown", tag = "1")]
+    pub unknown: i32,
+    /// The same for people; empty where the limits are known.
+    #[prost(string, tag = "2")]
+    pub reason: ::prost::alloc::string::String,
+    /// Largest part of the grip that was used in the last 10 s, of the axle that used more.
+    #[prost(double, optional, tag = "3")]
+    pub grip_used: ::core::option::Option<f64>,
+    /// What ends a turn first.
+    #[prost(enumeration = "LimitedBy", tag = "4")]
+    pub limited_by: i32,
+    /// Lateral acceleration still available to the side to which the tyres push.
+    #[prost(double, optional, tag = "5")]
+    pub lateral_m_s2: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "6")]
+    pub lateral_at_least_m_s2: ::core::option::Option<f64>,
+    /// Largest steady speed in the present curvature; absent on a straight way.
+    #[prost(double, optional, tag = "7")]
+    pub speed_m_s: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "8")]
+    pub speed_at_least_m_s: ::core::option::Option<f64>,
+    /// Radius of the curve of the configuration, and the largest steady speed in it to either side on the present
+    /// bank; absent without such a curve.
+    #[prost(double, optional, tag = "9")]
+    pub curve_radius_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "10")]
+    pub curve_speed_m_s: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "11")]
+    pub curve_speed_at_least_m_s: ::core::option::Option<f64>,
+    /// Steepest side slope along which the vehicle can drive straight on.
+    #[prost(double, optional, tag = "12")]
+    pub side_slope_rad: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "13")]
+    pub side_slope_at_least_rad: ::core::option::Option<f64>,
+    /// Steepest grade that the driven wheels can climb.
+    #[prost(double, optional, tag = "14")]
+    pub grade_rad: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "15")]
+    pub grade_at_least_rad: ::core::option::Option<f64>,
+}
+impl ::prost::Name for Limits {
+    const NAME: &'static str = "Limits";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.Limits".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.Limits".into()
+    }
+}
 /// Rollover indicators from the loads of /estimate/contact_forces. No message if the loads are unknown.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Rollover {
@@ -1467,6 +1523,78 @@ impl RoadUnknown {
             "ROAD_UNKNOWN_SETTLING" => Some(Self::Settling),
             "ROAD_UNKNOWN_SLOW" => Some(Self::Slow),
             "ROAD_UNKNOWN_NO_DEFLECTION" => Some(Self::NoDeflection),
+            _ => None,
+        }
+    }
+}
+/// Why limits are not known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum LimitsUnknown {
+    Nothing = 0,
+    /// The estimator has not settled since its start.
+    Settling = 1,
+    /// The force filter does not measure the tyres.
+    NoForces = 2,
+    /// Too little of the grip has been used in the last seconds to see where it ends.
+    Grip = 3,
+}
+impl LimitsUnknown {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Nothing => "LIMITS_UNKNOWN_NOTHING",
+            Self::Settling => "LIMITS_UNKNOWN_SETTLING",
+            Self::NoForces => "LIMITS_UNKNOWN_NO_FORCES",
+            Self::Grip => "LIMITS_UNKNOWN_GRIP",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "LIMITS_UNKNOWN_NOTHING" => Some(Self::Nothing),
+            "LIMITS_UNKNOWN_SETTLING" => Some(Self::Settling),
+            "LIMITS_UNKNOWN_NO_FORCES" => Some(Self::NoForces),
+            "LIMITS_UNKNOWN_GRIP" => Some(Self::Grip),
+            _ => None,
+        }
+    }
+}
+/// What ends a turn first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum LimitedBy {
+    Unknown = 0,
+    /// Grip of the front axle: the vehicle runs wide.
+    FrontGrip = 1,
+    /// Grip of the rear axle: the vehicle spins.
+    RearGrip = 2,
+    /// Both wheels of the inner side lift.
+    Rollover = 3,
+}
+impl LimitedBy {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unknown => "LIMITED_BY_UNKNOWN",
+            Self::FrontGrip => "LIMITED_BY_FRONT_GRIP",
+            Self::RearGrip => "LIMITED_BY_REAR_GRIP",
+            Self::Rollover => "LIMITED_BY_ROLLOVER",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "LIMITED_BY_UNKNOWN" => Some(Self::Unknown),
+            "LIMITED_BY_FRONT_GRIP" => Some(Self::FrontGrip),
+            "LIMITED_BY_REAR_GRIP" => Some(Self::RearGrip),
+            "LIMITED_BY_ROLLOVER" => Some(Self::Rollover),
             _ => None,
         }
     }

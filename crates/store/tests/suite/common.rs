@@ -9,9 +9,10 @@ use sample::{
     Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, Counts,
     DeviceTime, Estimate, Event, EventKind, FixQuality, ForceFrame, ForceSource, GnssAttitude,
     GnssPosition, GnssVelocity, GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations,
-    LogTime, LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Road,
-    RoadPlane, RoadRoughness, Rollover, Sample, Severity, Side, Signal, SignalFrame, SourceHealth,
-    SourceId, SteerSample, TyreForce, Wheel, WheelSpeedSample,
+    Limit, LimitedBy, Limits, LimitsUnknown, LogTime, LossPlace, Measurement, Motion, Notice,
+    Parameters, Payload, PerWheel, Road, RoadPlane, RoadRoughness, Rollover, Sample, Severity,
+    Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel,
+    WheelSpeedSample,
 };
 
 /// Log clock at the start of the run.
@@ -205,6 +206,7 @@ pub fn records(time: LogTime) -> Vec<Record> {
             stage: Stage::Estimate,
             road: Box::new(road(time)),
         },
+        Record::Limits(Box::new(limits(time))),
         Record::Parameters(Box::new(parameters(time))),
         Record::Health(health(time)),
         Record::ClockFit(ClockFit {
@@ -491,6 +493,26 @@ pub fn motion() -> Motion {
         longitudinal_slip_sigma: PerWheel([0.005, 0.006, 0.007, 0.008]),
         bank_rad: 0.05,
         grade_rad: 0.07,
+    }
+}
+
+/// Limits in which every member differs.
+pub fn limits(time: LogTime) -> Limits {
+    let limit = |value: f64| Limit {
+        value,
+        at_least: value - 0.01,
+    };
+    Limits {
+        time,
+        unknown: Some(LimitsUnknown::Grip),
+        grip_used: 0.24,
+        limited_by: LimitedBy::FrontGrip,
+        lateral_m_s2: limit(2.1),
+        speed_m_s: limit(9.2),
+        curve_radius_m: 20.0,
+        curve_speed_m_s: limit(11.3),
+        side_slope_rad: limit(0.54),
+        grade_rad: limit(0.45),
     }
 }
 

@@ -22,7 +22,8 @@ impl Outputs {
             IdentifyCommand::Cornering(args)
             | IdentifyCommand::RollPitch(args)
             | IdentifyCommand::Understeer(args)
-            | IdentifyCommand::Friction(args) => inputs(args),
+            | IdentifyCommand::Friction(args)
+            | IdentifyCommand::Slip(args) => inputs(args),
             IdentifyCommand::Tyre(args) => inputs(&args.shared),
             IdentifyCommand::Inertia(args) => inputs(&args.shared),
             IdentifyCommand::Response(args) => inputs(&args.shared),
