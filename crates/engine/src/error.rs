@@ -39,6 +39,12 @@ pub enum Error {
          with the log; set file in the table [vehicle]"
     )]
     NoVehicleToJudge,
+    /// A configuration is to be judged by forces that the vehicle file does not give.
+    #[error(
+        "the vehicle {0} has no linkages in its vehicle file, so that forces cannot be compared; use \
+         `atvrec check --with LOG`"
+    )]
+    NoForcesToJudge(String),
     /// A log gets an entry after an error.
     #[error("the log {0} takes no entry after an error")]
     LogClosed(PathBuf),
@@ -271,6 +277,7 @@ impl Error {
             | Self::EmptyStretch { .. }
             | Self::NoVehicleNamed
             | Self::NoVehicleToJudge
+            | Self::NoForcesToJudge(_)
             | Self::RoadClass { .. }
             | Self::RoadUnreadable { .. }
             | Self::VehicleFile(_)

@@ -372,6 +372,18 @@ impl LogReader {
         results.map(|one| findings::dict(py, one)).collect()
     }
 
+    /// What `atvrec identify mistakes --json` prints.
+    fn mistakes_json(&self, py: Python<'_>) -> PyResult<String> {
+        let reader = Arc::clone(&self.reader);
+        let report = interrupt::detached(py, move || {
+            let attachments = reader.attachments().map_err(engine::Error::from)?;
+            let config = engine::Config::from_attachments(&attachments)?;
+            engine::find_mistakes(&reader, &config)
+        })?;
+        let report = report.map_err(|error| errors::engine(&error))?;
+        Ok(engine::mistakes_as_json(&report).to_string())
+    }
+
     /// The numbers of `atvrec report --json`.
     fn report_json(&self, py: Python<'_>, smoothed: bool) -> PyResult<String> {
         let paths = self.paths.clone();

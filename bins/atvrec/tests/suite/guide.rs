@@ -310,7 +310,7 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "sed 's/^misalignment_rad = .*/misalignment_rad = [0.0, 0.0, 0.1]/' s.toml >t.toml; drive mixed-driving t.toml; atvrec -q replay x.mcap --sensors s.toml -o y.mcap",
         "atvrec events y.mcap",
-        "inertial unit forward acceleration bias has jumped and is learnt anew",
+        "inertial unit: direction: it is turned against the sensors file by",
     ),
     (
         "imu 3 '\"inverted\"'; drive mixed-driving",

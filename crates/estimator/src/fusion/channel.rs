@@ -52,6 +52,11 @@ impl ChannelHealth {
         self.variance = variance;
     }
 
+    /// Whether it was found faulty.
+    pub const fn is_faulty(&self) -> bool {
+        self.faulty
+    }
+
     /// Whether the channel is used: it is not faulty and was not outside its gate for several readings.
     pub fn is_used(&self, tuning: &ChannelTuning) -> bool {
         !self.faulty && self.outside < tuning.alone

@@ -27,6 +27,11 @@ pub struct LengthWatch {
 }
 
 impl LengthWatch {
+    /// Whether it was found faulty.
+    pub const fn is_faulty(&self) -> bool {
+        self.faulty
+    }
+
     /// Decay factor of the error over `dt` and the variance that is added, mm^2. `start` is the
     /// variance for a good potentiometer.
     pub fn fading(&self, start: f64, dt: f64, tuning: &PotentiometerTuning) -> (f64, f64) {

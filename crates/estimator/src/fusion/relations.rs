@@ -147,6 +147,10 @@ impl Fusion {
             let forms = &model.forms[wheel];
             if corner.linkage == KnownLinkage::Corner {
                 for (i, channel) in AXIAL.into_iter().enumerate() {
+                    // The monitors have found it faulty in this drive: it says nothing of the configuration.
+                    if self.health[wheel][channel.index()].is_faulty() {
+                        continue;
+                    }
                     let reading = readings.corners.0[wheel].strain[channel.index()];
                     let Some(value) = reading.and_then(|r| r.fresh(input.now, input.fresh_s))
                     else {
@@ -167,7 +171,8 @@ impl Fusion {
                 }
             }
             // The force of a stop is not known well enough.
-            if corner.strut_sigma_n.is_finite() && !corner.travel.strut.stopped {
+            let is_measured = corner.strut_sigma_n.is_finite() && !self.lengths[wheel].is_faulty();
+            if is_measured && !corner.travel.strut.stopped {
                 let form = &forms.acceleration;
                 let mut row = Row {
                     window: &mut window,

@@ -301,6 +301,18 @@ class Log:
         """
         return self._reader.identify(kind, start_s, seed)
 
+    def mistakes(self) -> dict[str, Any]:
+        """Mistakes of the configuration, as ``atvrec identify mistakes --json`` finds them by repeating the
+        estimate: ``found`` is a list with the keys ``time_ns``, ``subject``, ``cause``, ``help``,
+        ``log_likelihood_ratio`` and ``corrected``; ``likeliest`` is the likeliest beside them, ``used_s`` the
+        driving time that was used since the last correction, ``manoeuvre`` what decides more.
+
+        Raises :class:`atvrec.LogError` or :class:`atvrec.ArgumentError` where the log has no configuration or
+        no vehicle with linkages.
+        """
+        found: dict[str, Any] = json.loads(self._reader.mistakes_json())
+        return found
+
     def summary(self, *, smoothed: bool = False) -> dict[str, Any]:
         """The numbers of ``atvrec report --json``, whose keys are in ``docs/report.md``: distance,
         verdict, events, forces of each wheel and so on."""

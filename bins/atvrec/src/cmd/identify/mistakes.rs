@@ -4,10 +4,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use engine::output::{Kind, Target};
-use engine::{Config, Error, Replay, ReplayOptions};
+use engine::{Config, find_mistakes, mistakes_as_json};
 use estimator::{Calibration, MistakeReport};
 use sample::text::printable;
-use serde_json::json;
 use store::Reader;
 
 use crate::cli::IdentifyMistakesArgs;
@@ -28,25 +27,17 @@ pub fn run(args: &IdentifyMistakesArgs) -> anyhow::Result<Outcome> {
         Some(path) => Config::load(path)?,
         None => Config::from_attachments(&reader.attachments()?)?,
     };
-    let estimator = config.estimator.as_ref().ok_or(Error::NoVehicleToJudge)?;
-    let options = ReplayOptions {
-        without_records: true,
-        ..ReplayOptions::default()
-    };
-    let done = Replay::new(&reader, &config, options)?.run(|_| Ok::<_, Error>(()))?;
-    let Some(report) = done.mistakes else {
-        anyhow::bail!(
-            "the vehicle {} has no linkages in its vehicle file, so that forces cannot be compared; use \
-             `atvrec check --with LOG`",
-            estimator.vehicle.name
-        );
-    };
+    let report = find_mistakes(&reader, &config)?;
     if let Some(target) = target {
-        let text = calibration(&report, &estimator.calibration)?;
+        let known = config
+            .estimator
+            .as_ref()
+            .map(|estimator| &estimator.calibration);
+        let text = calibration(&report, known.cloned().unwrap_or_default())?;
         target.write(&text)?;
     }
     if args.json {
-        println!("{:#}", as_json(&report));
+        println!("{:#}", mistakes_as_json(&report));
     } else {
         print(&report, args.output.as_deref());
     }
@@ -58,7 +49,7 @@ pub fn run(args: &IdentifyMistakesArgs) -> anyhow::Result<Outcome> {
 }
 
 /// Text of the corrected calibration, with what it cannot contain as comments.
-fn calibration(report: &MistakeReport, known: &Calibration) -> anyhow::Result<String> {
+fn calibration(report: &MistakeReport, mut corrected: Calibration) -> anyhow::Result<String> {
     let mut text = String::from("# Result of `atvrec identify mistakes`.\n");
     for (_, words) in &report.found {
         writeln!(
@@ -77,7 +68,6 @@ fn calibration(report: &MistakeReport, known: &Calibration) -> anyhow::Result<St
         let [x, y, z] = load.position_m;
         writeln!(text, "# position_m = [{x:.3}, {y:.3}, {z:.3}]")?;
     }
-    let mut corrected = known.clone();
     report.changes.apply(&mut corrected);
     text.push_str(&toml::to_string_pretty(&corrected)?);
     Ok(text)
@@ -114,26 +104,4 @@ fn print(report: &MistakeReport, output: Option<&Path>) {
     if let Some(output) = output {
         println!("wrote {}", output.display());
     }
-}
-
-fn as_json(report: &MistakeReport) -> serde_json::Value {
-    let found = report.found.iter().map(|(found, words)| {
-        json!({
-            "time_ns": found.time.0,
-            "subject": words.subject,
-            "cause": words.cause,
-            "help": words.remedy,
-            "log_likelihood_ratio": found.judged.ratio,
-            "corrected": found.corrected,
-        })
-    });
-    let likeliest = report.likeliest.as_ref().map(|(words, ratio)| {
-        json!({ "subject": words.subject, "cause": words.cause, "log_likelihood_ratio": ratio })
-    });
-    json!({
-        "found": found.collect::<Vec<_>>(),
-        "likeliest": likeliest,
-        "used_s": report.used_s,
-        "manoeuvre": report.manoeuvre(),
-    })
 }
