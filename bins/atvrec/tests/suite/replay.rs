@@ -314,11 +314,7 @@ fn a_log_that_is_cut_replays_as_far_as_it_goes() {
     let directory = tempfile::tempdir().expect("a directory");
     let log = simulate(directory.path(), "drive.mcap", 1);
     let bytes = fs::read(&log).expect("a log");
-    fs::write(
-        directory.path().join("cut.mcap"),
-        &bytes[..bytes.len() * 3 / 5],
-    )
-    .expect("written");
+    fs::write(directory.path().join("cut.mcap"), &bytes[..bytes.len() / 2]).expect("written");
     let assert = atvrec(directory.path())
         .args(["replay", "cut.mcap", "--verify"])
         .assert()
@@ -336,7 +332,7 @@ fn a_log_that_is_cut_replays_as_far_as_it_goes() {
         "{text}"
     );
     let original = fs::read(directory.path().join("cut.mcap.damaged")).expect("kept");
-    assert_eq!(original, bytes[..bytes.len() * 3 / 5]);
+    assert_eq!(original, bytes[..bytes.len() / 2]);
     atvrec(directory.path())
         .args(["replay", "cut.mcap", "--verify"])
         .assert()

@@ -143,58 +143,7 @@ impl Fusion {
         };
         let state = &self.state;
         for wheel in 0..4 {
-            let corner = &input.corners[wheel];
-            let forms = &model.forms[wheel];
-            if corner.linkage == KnownLinkage::Corner {
-                for (i, channel) in AXIAL.into_iter().enumerate() {
-                    // The monitors have found it faulty in this drive: it says nothing of the configuration.
-                    if self.health[wheel][channel.index()].is_faulty() {
-                        continue;
-                    }
-                    let reading = readings.corners.0[wheel].strain[channel.index()];
-                    let Some(value) = reading.and_then(|r| r.fresh(input.now, input.fresh_s))
-                    else {
-                        continue;
-                    };
-                    let form = forms.member(i, 0.0);
-                    let at = AXIAL.len() * wheel + i;
-                    window.member_n[at] += value;
-                    let mut row = Row {
-                        window: &mut window,
-                        row: at,
-                        value: value - form.constant,
-                    };
-                    for (index, gain) in corner_states(wheel).into_iter().zip(form.gains) {
-                        row.gain(index, gain, state);
-                    }
-                    row.finish();
-                }
-            }
-            // The force of a stop is not known well enough.
-            let is_measured = corner.strut_sigma_n.is_finite() && !self.lengths[wheel].is_faulty();
-            if is_measured && !corner.travel.strut.stopped {
-                let form = &forms.acceleration;
-                let mut row = Row {
-                    window: &mut window,
-                    row: STRUT_ROW + wheel,
-                    value: -form.constant,
-                };
-                for (index, gain) in corner_states(wheel).into_iter().zip(form.gains) {
-                    row.gain(index, gain, state);
-                }
-                for (index, gain) in forms.coupled.iter().flat_map(|coupled| coupled.terms()) {
-                    row.gain(index, gain, state);
-                }
-                row.finish();
-            }
-            let line = &corner.travel.strut;
-            window.spring_n[wheel] +=
-                line.constant_n() - line.stiffness_n_m * 1e-3 * state[LENGTH + wheel];
-            window.damper_n[wheel] -= line.damping_n_s_m * 1e-3 * state[SPEED + wheel];
-            window.strut_mass_kg[wheel] += corner.travel.members[5];
-            window.roads[wheel] += self.force_noise.road(wheel);
-            let part = state[FORCE + 3 * wheel + 2] / self.body.static_load[wheel];
-            window.least_load[wheel] = window.least_load[wheel].min(part);
+            self.relate_corner(input, model, readings, wheel, &mut window);
         }
         if input.motion.inertial {
             self.relate_inertial(input, model, &mut window);
@@ -217,6 +166,69 @@ impl Fusion {
             self.related = true;
         }
         self.relations = Some(window);
+    }
+
+    /// Adds the rows of the members and of the strut of a corner.
+    fn relate_corner(
+        &self,
+        input: &StepInput<'_>,
+        model: &StepModel,
+        readings: &Readings,
+        wheel: usize,
+        window: &mut RelationWindow,
+    ) {
+        let state = &self.state;
+        let corner = &input.corners[wheel];
+        let forms = &model.forms[wheel];
+        if corner.linkage == KnownLinkage::Corner {
+            for (i, channel) in AXIAL.into_iter().enumerate() {
+                // The monitors have found it faulty in this drive: it says nothing of the configuration.
+                if self.health[wheel][channel.index()].is_faulty() {
+                    continue;
+                }
+                let reading = readings.corners.0[wheel].strain[channel.index()];
+                let Some(value) = reading.and_then(|r| r.fresh(input.now, input.fresh_s)) else {
+                    continue;
+                };
+                let form = forms.member(i, 0.0);
+                let at = AXIAL.len() * wheel + i;
+                window.member_n[at] += value;
+                let mut row = Row {
+                    window: &mut *window,
+                    row: at,
+                    value: value - form.constant,
+                };
+                for (index, gain) in corner_states(wheel).into_iter().zip(form.gains) {
+                    row.gain(index, gain, state);
+                }
+                row.finish();
+            }
+        }
+        // The force of a stop is not known well enough.
+        let is_measured = corner.strut_sigma_n.is_finite() && !self.lengths[wheel].is_faulty();
+        if is_measured && !corner.travel.strut.stopped {
+            let form = &forms.acceleration;
+            let mut row = Row {
+                window: &mut *window,
+                row: STRUT_ROW + wheel,
+                value: -form.constant,
+            };
+            for (index, gain) in corner_states(wheel).into_iter().zip(form.gains) {
+                row.gain(index, gain, state);
+            }
+            for (index, gain) in forms.coupled.iter().flat_map(|coupled| coupled.terms()) {
+                row.gain(index, gain, state);
+            }
+            row.finish();
+        }
+        let line = &corner.travel.strut;
+        window.spring_n[wheel] +=
+            line.constant_n() - line.stiffness_n_m * 1e-3 * state[LENGTH + wheel];
+        window.damper_n[wheel] -= line.damping_n_s_m * 1e-3 * state[SPEED + wheel];
+        window.strut_mass_kg[wheel] += corner.travel.members[5];
+        window.roads[wheel] += self.force_noise.road(wheel);
+        let part = state[FORCE + 3 * wheel + 2] / self.body.static_load[wheel];
+        window.least_load[wheel] = window.least_load[wheel].min(part);
     }
 
     fn relate_inertial(

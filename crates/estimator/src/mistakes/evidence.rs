@@ -7,8 +7,8 @@ use nalgebra::{Matrix3, Vector3};
 use sample::STANDARD_GRAVITY_M_S2;
 
 use super::layout::{
-    BIAS, CORNERS, EXCHANGED, GAIN, HEIGHT, HITCH, LEVER, LOST, MASS, OFFSET, PAIRS, PRELOAD, RATE,
-    ROTATIONS, SCALE, SHAPE, SIZE, TILT, TOLERATED, TURNED, WHEELS,
+    BIAS, CORNERS, EXCHANGED, FIRST_MOMENT, GAIN, HEIGHT, HITCH, LEVER, LOST, MASS, OFFSET, PAIRS,
+    PRELOAD, RATE, ROTATIONS, SCALE, SHAPE, SIZE, TILT, TOLERATED, TURNED, WHEELS,
 };
 use super::linear;
 use crate::fusion::relations::{
@@ -172,7 +172,7 @@ impl Evidence {
         put(SCALE, mass_kg * force, none);
         for axis in 0..3 {
             let unit = Vector3::ith(axis, 1.0);
-            put(MASS + 1 + axis, none, -inverse * unit.cross(&force));
+            put(FIRST_MOMENT + axis, none, -inverse * unit.cross(&force));
             put(BIAS + axis, mass_kg * unit, none);
             put(TILT + axis, mass_kg * unit.cross(&force), none);
             put(LEVER + axis, mass_kg * window.lever * unit, none);
@@ -309,7 +309,7 @@ fn whiten(gains: &mut [f64], factor: &[f64; ROWS * ROWS]) {
 /// The rotation by right angles with a number, from 0 (none) to 23.
 pub(crate) fn right_angles(number: usize) -> Matrix3<f64> {
     let pairs = (0..6).flat_map(|x| (0..6).map(move |y| (x, y)));
-    let axis = |k: usize| Vector3::ith(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 });
+    let axis = |k: usize| Vector3::ith(k / 2, if k.is_multiple_of(2) { 1.0 } else { -1.0 });
     let mut axes = (pairs.filter(|(x, y)| x / 2 != y / 2)).map(|(x, y)| (axis(x), axis(y)));
     let (x, y) = axes.nth(number).unwrap_or((Vector3::x(), Vector3::y()));
     Matrix3::from_columns(&[x, y, x.cross(&y)])
@@ -331,10 +331,9 @@ fn row_variance(
     tilted_n_m: &[f64; 4],
     t: &MistakeTuning,
 ) -> f64 {
-    /// Of a row without reading.
-    const ABSENT: f64 = 1e18;
     if !window.has(row) {
-        return ABSENT;
+        // So large that the row has no weight.
+        return 1e18;
     }
     let load = setup.load_n;
     let squares = |own: f64, part: f64, density: f64| own * own + part * part * density.max(0.0);
@@ -389,8 +388,8 @@ fn tolerance(at: usize, setup: &Setup, t: &MistakeTuning) -> f64 {
         PRELOAD..RATE => t.preload_tolerance * setup.load_n,
         RATE..MASS => t.rate_tolerance,
         MASS => t.mass_tolerance * setup.mass_kg,
+        FIRST_MOMENT..HEIGHT => t.cg_tolerance_m * setup.mass_kg,
         HEIGHT => t.height_tolerance_m * setup.mass_kg,
-        MASS..BIAS => t.cg_tolerance_m * setup.mass_kg,
         BIAS..TILT => setup.bias_sigma_m_s2,
         TILT..LEVER => t.tilt_tolerance_rad,
         LEVER..SCALE => t.lever_tolerance_m,

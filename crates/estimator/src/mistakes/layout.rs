@@ -14,6 +14,8 @@ pub(super) const PRELOAD: usize = SHAPE + 3 * CHANNELS;
 pub(super) const RATE: usize = PRELOAD + 4;
 /// Mass beyond the vehicle file, kg, and its first moments about the centre of gravity, kg m.
 pub(super) const MASS: usize = RATE + 4;
+/// The first moments along x, y and z.
+pub(super) const FIRST_MOMENT: usize = MASS + 1;
 /// The first moment along z.
 pub(super) const HEIGHT: usize = MASS + 3;
 /// Bias of the accelerometers, m/s^2.

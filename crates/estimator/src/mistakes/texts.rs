@@ -6,17 +6,15 @@ use sample::Wheel;
 use super::evidence::right_angles;
 use super::{Hypothesis, Judged};
 use crate::fusion::relations::{CHANNELS, channel_of};
-
-/// Half the width of an interval that holds the truth with 95 %, in standard deviations.
-const WIDE: f64 = 1.96;
-
-/// Factors of usual mistakes: an inverted sign, a quarter bridge for a half bridge, and the other way round.
-const USUAL: [f64; 3] = [-1.0, 0.5, 2.0];
+use crate::statistics::SIGMAS_95;
 
 /// Whether a gain can be that of a usual mistake.
 fn is_near(gain: f64, usual: f64, wide: f64) -> bool {
     (gain - usual).abs() < wide.max(0.1 * usual.abs())
 }
+
+/// Subject, cause and remedy.
+type Words = (String, String, &'static str);
 
 /// What was found, in words.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,29 +32,46 @@ impl Judged {
     /// estimate if it is known within a part `known`. `None` if the channel does not measure its member, or the
     /// factor is not known.
     pub(crate) fn usual_gain(&self, known: f64) -> Option<f64> {
-        let (gain, wide) = (1.0 - self.value[0], WIDE * self.sigma[0]);
-        let usual = USUAL.into_iter().find(|usual| is_near(gain, *usual, wide));
+        let (gain, wide) = (1.0 - self.value[0], SIGMAS_95 * self.sigma[0]);
+        // An inverted sign, a quarter bridge for a half bridge, and the other way round.
+        let usual = [-1.0, 0.5, 2.0]
+            .into_iter()
+            .find(|usual| is_near(gain, *usual, wide));
         usual.or_else(|| (self.sigma[0] < known * gain.abs()).then_some(gain))
     }
 
     /// In words.
     #[must_use]
     pub fn describe(&self, vehicle: &Vehicle, count_n: &[f64; CHANNELS]) -> Described {
+        let (subject, cause, remedy) = self
+            .of_channels(vehicle, count_n)
+            .unwrap_or_else(|| self.of_body());
+        Described {
+            subject,
+            cause,
+            remedy: remedy.to_owned(),
+        }
+    }
+
+    /// A parameter with its interval.
+    fn with_interval(&self, i: usize, scale: f64, unit: &str, digits: usize) -> String {
+        let [value, half] = [self.value[i], SIGMAS_95 * self.sigma[i]].map(|x| x * scale);
+        format!("{value:.digits$} ± {:.digits$} {unit}", half.abs())
+    }
+
+    /// Mistakes of the strain channels: subject, cause, remedy.
+    fn of_channels(&self, vehicle: &Vehicle, count_n: &[f64; CHANNELS]) -> Option<Words> {
         let name = |at: usize| {
             let (wheel, channel) = channel_of(at);
             let wheel = Wheel::ALL[wheel];
             format!("{wheel} {}", vehicle.channel_name(wheel, channel))
         };
-        let of = |i: usize, scale: f64, unit: &str, digits: usize| {
-            let [value, half] = [self.value[i], WIDE * self.sigma[i]].map(|x| x * scale);
-            format!("{value:.digits$} ± {:.digits$} {unit}", half.abs())
-        };
-        let (subject, cause, remedy) = match self.hypothesis {
+        Some(match self.hypothesis {
             Hypothesis::Zeros => {
                 let counts = |i: usize| (self.value[i] / count_n[i]).abs();
                 let largest = (0..CHANNELS).map(counts).fold(0.0, f64::max);
                 let known = (0..CHANNELS)
-                    .filter(|i| WIDE * (self.sigma[*i] / count_n[*i]).abs() < 5.0)
+                    .filter(|i| SIGMAS_95 * (self.sigma[*i] / count_n[*i]).abs() < 5.0)
                     .count();
                 (
                     "zeros of the strain channels".to_owned(),
@@ -71,13 +86,13 @@ impl Judged {
                 format!("{}: offset", name(at)),
                 format!(
                     "its zero is off by {}",
-                    of(0, 1.0 / count_n[at], "counts", 1)
+                    self.with_interval(0, 1.0 / count_n[at], "counts", 1)
                 ),
                 "run `atvrec calibrate zero` with the vehicle on jackstands, and look at the bridge",
             ),
             Hypothesis::Gain(at) => (
                 format!("{}: gain", name(at)),
-                gain_cause(1.0 - self.value[0], WIDE * self.sigma[0]),
+                gain_cause(1.0 - self.value[0], SIGMAS_95 * self.sigma[0]),
                 "look at the wiring of the bridge and at the gain resistor, and correct the sensors file or the calibration",
             ),
             Hypothesis::Exchanged(wheel, pair) => {
@@ -93,6 +108,14 @@ impl Judged {
                 "the channels of the two corners are exchanged".to_owned(),
                 "exchange the plugs of the two amplifiers, or the wheels in the configuration",
             ),
+            _ => return None,
+        })
+    }
+
+    /// Mistakes of the mass, the inertial unit and the struts: subject, cause, remedy.
+    fn of_body(&self) -> Words {
+        let of = |i, scale, unit, digits| self.with_interval(i, scale, unit, digits);
+        match self.hypothesis {
             Hypothesis::Payload => self.payload_text(),
             Hypothesis::Tilted(axis) => (
                 "inertial unit: direction".to_owned(),
@@ -148,20 +171,21 @@ impl Judged {
                 ),
                 "run `atvrec calibrate weight`, and check the spring in the vehicle file",
             ),
-        };
-        Described {
-            subject,
-            cause,
-            remedy: remedy.to_owned(),
+            // `of_channels` describes them.
+            Hypothesis::Zeros
+            | Hypothesis::Offset(_)
+            | Hypothesis::Gain(_)
+            | Hypothesis::Exchanged(..)
+            | Hypothesis::Corners(_) => (String::new(), String::new(), ""),
         }
     }
 
-    fn payload_text(&self) -> (String, String, &'static str) {
+    fn payload_text(&self) -> Words {
         let mass_kg = self.value[0];
         let place = |i: usize| {
             let value = self.value[i] / mass_kg;
             let part = math::hypot(self.sigma[i], value * self.sigma[0]) / mass_kg;
-            (value, WIDE * part.abs())
+            (value, SIGMAS_95 * part.abs())
         };
         let [(x, wide_x), (y, wide_y)] = [1, 2].map(place);
         let along = if x < 0.0 { "behind" } else { "ahead of" };
@@ -177,7 +201,7 @@ impl Judged {
                 "the vehicle has {:.0} ± {:.0} kg {size} than the vehicle file; the centre {kind} is {:.2} ± {wide_x:.2} \
                  m {along} and {:.2} ± {wide_y:.2} m {across} of the centre of gravity",
                 mass_kg.abs(),
-                WIDE * self.sigma[0],
+                SIGMAS_95 * self.sigma[0],
                 x.abs(),
                 y.abs(),
             ),

@@ -50,10 +50,10 @@ impl Mistake {
         let middle = f64::powi(2.0, i32::from(sensors.strain.adc_bits) - 1);
         for sample in samples {
             match (&mut sample.measurement, self) {
-                (Measurement::Corner(c), Self::Exchanged(wheel, [a, b])) => {
-                    if c.wheel.index() == wheel {
-                        c.strain_counts.swap(a, b);
-                    }
+                (Measurement::Corner(c), Self::Exchanged(wheel, [a, b]))
+                    if c.wheel.index() == wheel =>
+                {
+                    c.strain_counts.swap(a, b);
                 }
                 (Measurement::Corner(c), Self::Corners([a, b])) => {
                     let at = c.wheel.index();
