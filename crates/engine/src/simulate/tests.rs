@@ -415,18 +415,16 @@ fn worst_percent(truth: &Forces, found: &Forces) -> f64 {
 }
 
 #[test]
-fn a_driver_who_sits_aside_is_known_or_costs_lateral_force() {
-    let (without, _) = lateral_error(&[], &[], 2.0);
+fn a_driver_who_sits_aside_is_known_or_found_or_costs_lateral_force() {
+    // The estimator finds who is not configured within some seconds, but not that a load is elsewhere.
+    let (without, _) = lateral_error(&[], &[], 10.0);
     let (aside, _) = lateral_error(&["ballast"], &[], 2.0);
     let (with, _) = lateral_error(&["driver"], &[], 2.0);
     let (marked, notes) = lateral_error(&[], &[(1.0, "payload driver on")], 4.0);
     assert!(notes.is_empty(), "{notes:?}");
     let (after, _) = lateral_error(&["driver"], &[], 4.0);
     let told = format!("{without} {aside} {with} {marked} {after}");
-    assert!(
-        (3.5..9.0).contains(&without) && (2.0..6.0).contains(&aside),
-        "{told}"
-    );
+    assert!(without < 1.5 && (2.0..6.0).contains(&aside), "{told}");
     assert!(with < 1.2 && (marked - after).abs() < 0.4, "{told}");
     let (_, notes) = lateral_error(&[], &[(1.0, "payload pilot on")], 2.0);
     assert!(notes[0].contains("use one of driver, ballast"), "{notes:?}");
