@@ -151,8 +151,9 @@ pub struct Fusion {
     /// Relations since the last complete window, and whether the window is complete.
     relations: Option<Box<RelationWindow>>,
     related: bool,
-    /// Steps of a window.
+    /// Steps of a window, and the largest age of a reading in it, s.
     window_steps: u32,
+    related_age_s: f64,
     /// No channel is blamed alone: the configuration can be wrong.
     undecided: bool,
 }
@@ -321,6 +322,7 @@ impl Fusion {
             relations: Some(Box::default()),
             related: false,
             undecided: false,
+            related_age_s: tuning.mistakes.age_max_s,
             window_steps: (tuning.mistakes.window_s / crate::grid::GRID_S).round() as u32,
         };
         if fusion.hubs.iter().all(Option::is_none) {

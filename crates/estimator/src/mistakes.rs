@@ -126,6 +126,17 @@ impl Mistakes {
     fn certain(&self) -> Option<Judged> {
         let t = &self.tuning;
         let best = self.best_mistake()?;
+        if let Hypothesis::Exchanged(wheel, _) = best.hypothesis {
+            // A force on the hitch that changes looks like an exchange at any of several wheels.
+            let rivals = self.judged.iter().filter(
+                |other| matches!(other.hypothesis, Hypothesis::Exchanged(at, _) if at != wheel),
+            );
+            let rival = rivals.map(|other| other.ratio).fold(0.0, f64::max);
+            let is_off = (best.value[0] - 1.0).abs() > t.exchange_error;
+            if is_off || rival > t.exchange_rival * best.ratio {
+                return None;
+            }
+        }
         let next = self.judged.get(1);
         let next = next.map_or(f64::NEG_INFINITY, |next| next.ratio);
         (best.ratio > t.report_ratio && best.ratio - next > t.lead_ratio).then_some(*best)

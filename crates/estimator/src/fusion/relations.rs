@@ -187,7 +187,8 @@ impl Fusion {
                     continue;
                 }
                 let reading = readings.corners.0[wheel].strain[channel.index()];
-                let Some(value) = reading.and_then(|r| r.fresh(input.now, input.fresh_s)) else {
+                let Some(value) = reading.and_then(|r| r.fresh(input.now, self.related_age_s))
+                else {
                     continue;
                 };
                 let form = forms.member(i, 0.0);

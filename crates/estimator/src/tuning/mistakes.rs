@@ -7,6 +7,8 @@ tuning! {
     MistakeTuning {
         /// Window over which the relations between readings are averaged.
         window_s: f64 = 0.5, "s";
+        /// Age beyond which a reading is not used: the inertial unit would show another instant.
+        age_max_s: f64 = 0.03, "s";
         /// Windows between two decisions.
         decide_windows: u32 = 10, "1";
         /// Speed below which a window is not used: stands or a jack can carry the vehicle.
@@ -92,6 +94,10 @@ tuning! {
         gain_known: f64 = 0.04, "1";
         /// How far from 1 the estimate of an exchange may be.
         exchange_sigma: f64 = 0.1, "1";
+        /// Difference from 1 beyond which it is no exchange of two channels.
+        exchange_error: f64 = 0.1, "1";
+        /// Part of the ratio of an exchange that one at another wheel may have.
+        exchange_rival: f64 = 0.5, "1";
         /// Standard deviation of an unknown payload.
         payload_sigma_kg: f64 = 100.0, "kg";
         /// Standard deviation of its position.
