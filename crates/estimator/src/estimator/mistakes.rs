@@ -207,12 +207,6 @@ impl Estimator {
         changes
     }
 
-    /// The evidence for mistakes, of a vehicle with linkages.
-    #[must_use]
-    pub fn mistakes(&self) -> Option<&Mistakes> {
-        self.mistakes.as_ref().map(|watch| &*watch.evidence)
-    }
-
     /// Weighs the mistakes by the relations of the last window, if it is complete.
     pub(super) fn watch_mistakes(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         let (Some(fusion), Some(watch)) = (&mut self.fusion, &mut self.mistakes) else {

@@ -60,8 +60,6 @@ pub struct RelationWindow {
     pub learnt_bias: [Vector3<f64>; 2],
     /// What an offset of the inertial unit adds to its specific force: w' x + w x (w x), 1/s^2.
     pub lever: Matrix3<f64>,
-    /// Angular rate, rad/s.
-    pub rate_rad_s: Vector3<f64>,
     /// Mean roughness of the road: see [`Fusion::roughness`].
     pub road: f64,
     /// Standard deviation of the ground's normal at a wheel, rad.
@@ -92,7 +90,6 @@ impl Default for RelationWindow {
             specific_force_m_s2: Vector3::zeros(),
             learnt_bias: [Vector3::zeros(); 2],
             lever: Matrix3::zeros(),
-            rate_rad_s: Vector3::zeros(),
             road: 0.0,
             tilt_rad: 0.0,
             roads: [0.0; 4],
@@ -259,7 +256,6 @@ impl Fusion {
         window.learnt_bias = [motion.accel_bias_m_s2, motion.accel_bias_sigma_m_s2];
         let turning = motion.rate_rad_s.cross_matrix();
         window.lever += motion.rate_dot_rad_s2.cross_matrix() + turning * turning;
-        window.rate_rad_s += motion.rate_rad_s;
     }
 
     /// What the evidence for mistakes needs.
@@ -339,7 +335,6 @@ impl RelationWindow {
         }
         self.specific_force_m_s2 *= part;
         self.lever *= part;
-        self.rate_rad_s *= part;
         self.road *= part;
         self.tilt_rad *= part;
         self.speed *= part;

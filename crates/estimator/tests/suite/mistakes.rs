@@ -376,7 +376,7 @@ fn campaign_of_mistakes() {
     report(&format!("{missed} of {} not named", MISTAKES.len() * 16));
     // 16-bit bridges that are off by 20 counts (6 N) are within what the geometry leaves unknown.
     assert!(
-        missed <= 8 + 24,
+        missed <= 8 + 4,
         "{missed} not named; see target/mistakes.md"
     );
 }
