@@ -109,7 +109,8 @@ campaigns: setup windows ## Does Spark read datasets? Seeded drives: do the inte
 	scripts/score-runs -o target/forces.md --compact target/forces-compact.md ../shared/data/truth/[bcdf]_*.parquet ../shared/data/truth-rough/*.parquet
 	scripts/score-runs --vehicle testdata/second-vehicle-plain.toml --sensors thesis-10bit -o target/forces-second.md ../shared/data/truth-second/[fr]*_a.parquet
 	@scripts/setup spark
-	target/venv-spark/bin/python scripts/read-spark.py target/release/atvrec
+	@scripts/test-python wheel
+	target/venv-spark/bin/python scripts/read-spark.py target/release/atvrec target/venv/bin/atvrec
 	scripts/score-runs --vehicle second-vehicle --sensors second-vehicle-10bit,second-vehicle-16bit -o target/forces-second-links.md ../shared/data/truth-second/[fr]*_a.parquet
 
 golden: ## Write the golden estimates again (testdata/golden); review the difference

@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""Reads a dataset of `atvrec export --all` with Spark, and compares it with what pyarrow reads.
+"""Reads datasets of `atvrec export --all` and `atvrec fleet run` with Spark, and compares them with what
+pyarrow reads.
 
-    read-spark.py ATVREC
+    read-spark.py ATVREC WHEEL
 
+ATVREC is the program, WHEEL the console script of the Python package, which has the command `fleet`.
 Needs pyspark, pyarrow and Java 17 (`scripts/setup spark`).
 """
 
@@ -17,23 +19,23 @@ import pyarrow.parquet
 from pyspark.sql import SparkSession, functions
 
 DRIVES = [("slow-sine", 1), ("step-steer", 2)]
+# Long enough for load cycles.
+DRIVE_S = 10
 TOPICS = ["/estimate/tyre_forces", "/imu/imu", "/strain", "/can/can0/Steering"]
 # Spark adds the rows in another order than the reference.
 TOLERANCE = 1e-9
 
 
-def export(atvrec: str, folder: Path) -> Path:
-    """A dataset of two simulated drives."""
+def run(*command: str | Path) -> None:
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def simulated(atvrec: str, folder: Path) -> list[Path]:
     logs = []
     for drive, seed in DRIVES:
-        log = folder / f"{drive}.mcap"
-        drive_of = ["simulate", "-m", drive, "--seed", str(seed), "--for", "3", "-o", log]
-        subprocess.run([atvrec, "-q", *drive_of], check=True, stdout=subprocess.DEVNULL)
-        logs.append(log)
-    dataset = folder / "dataset"
-    command = [atvrec, "-q", "export", *logs, "--all", "-o", dataset]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    return dataset
+        logs.append(folder / f"{drive}.mcap")
+        run(atvrec, "-q", "simulate", "-m", drive, "--seed", str(seed), "--for", str(DRIVE_S), "-o", logs[-1])
+    return logs
 
 
 def session() -> SparkSession:
@@ -75,14 +77,39 @@ def check(spark: SparkSession, dataset: Path, topic: str) -> int:
     return len(expected)
 
 
+def check_fleet(spark: SparkSession, dataset: Path) -> int:
+    """Compares the query of docs/fleet.md, and the number of rows of each table."""
+    rows = 0
+    for table in sorted(path.name for path in dataset.iterdir() if path.is_dir()):
+        expected = pyarrow.dataset.dataset(dataset / table).to_table().to_pandas()
+        found = spark.read.parquet(str(dataset / table))
+        assert found.count() == len(expected), (table, found.count(), len(expected))
+        assert set(found.columns) == set(expected.columns), (table, found.columns)
+        rows += len(expected)
+    cycles = spark.read.parquet(str(dataset / "cycles")).where("axis = 'z'")
+    found = cycles.groupBy("wheel", "range_low_n").sum("cycles").toPandas()
+    expected = pyarrow.dataset.dataset(dataset / "cycles").to_table().to_pandas()
+    expected = expected[expected["axis"] == "z"].groupby(["wheel", "range_low_n"])["cycles"].sum()
+    found = found.set_index(["wheel", "range_low_n"])["sum(cycles)"].sort_index()
+    assert len(found) == len(expected) > 0, (len(found), len(expected))
+    assert (abs(found - expected) <= TOLERANCE * expected).all(), (found, expected)
+    return rows
+
+
 def main() -> None:
-    if len(sys.argv) != 2:
+    if len(sys.argv) != 3:
         sys.exit(__doc__)
+    atvrec, wheel = sys.argv[1:]
     with tempfile.TemporaryDirectory() as name:
-        dataset = export(sys.argv[1], Path(name))
+        folder = Path(name)
+        logs = simulated(atvrec, folder)
+        run(atvrec, "-q", "export", *logs, "--all", "-o", folder / "dataset")
+        run(wheel, "fleet", "run", *logs, "-o", folder / "fleet", "--steps", "replay,identify:cornering,summary")
         spark = session()
-        rows = sum(check(spark, dataset, topic) for topic in TOPICS)
+        rows = sum(check(spark, folder / "dataset", topic) for topic in TOPICS)
         print(f"Spark {spark.version} reads {rows} rows of {len(TOPICS)} topics as pyarrow does")
+        rows = check_fleet(spark, folder / "fleet")
+        print(f"Spark {spark.version} reads {rows} rows of a fleet's dataset as pyarrow does")
         spark.stop()
 
 

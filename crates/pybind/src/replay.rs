@@ -90,6 +90,7 @@ pub fn replay_log<'py>(
     method: Option<String>,
     smooth: bool,
     verify: bool,
+    compress: bool,
 ) -> PyResult<(String, Option<Estimated<'py>>)> {
     let file = |name, file: Option<File<'py>>| file.map(|file| file.source(name)).transpose();
     let changes = Changes {
@@ -119,6 +120,7 @@ pub fn replay_log<'py>(
             truth: output.is_some(),
             without_records: false,
         },
+        compress,
     };
     let (json, collected) = py.detach(|| job.run())?;
     let estimated = collected
@@ -155,6 +157,8 @@ struct Job {
     config: Option<PathBuf>,
     changes: Changes,
     options: ReplayOptions,
+    /// Compress the chunks of the output.
+    compress: bool,
 }
 
 impl Job {
@@ -169,7 +173,10 @@ impl Job {
         let replay = Replay::new(&self.reader, &config, self.options)?;
         let mut sink = match &self.output {
             Some(target) => {
-                let options = replay.log_options().clone();
+                let mut options = replay.log_options().clone();
+                if !self.compress {
+                    options.compression_level = None;
+                }
                 Sink::Log(Box::new(target.log(replay.session().clone(), options)?))
             }
             None => Sink::Memory(Collected::default()),

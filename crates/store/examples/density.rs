@@ -87,7 +87,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let frames = f64::from(seconds) * 1000.0;
         let options = Options {
             raw_interval: Duration::from_millis(interval_ms),
-            compression_level: level,
+            compression_level: Some(level),
             ..Options::default()
         };
         let begin = Instant::now();

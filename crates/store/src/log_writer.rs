@@ -57,7 +57,7 @@ impl<W: Write> LogWriter<W> {
         if dynamic.any(|message| message.topic == RESERVED_TOPIC) {
             return Err(Error::ReservedTopic(RESERVED_TOPIC));
         }
-        let mut mcap = McapFile::create(sink, "atvrec", Some(options.compression_level))?;
+        let mut mcap = McapFile::create(sink, "atvrec", options.compression_level)?;
         mcap.write_metadata(RUN_METADATA, &session.to_metadata(part))?;
         for attachment in &session.attachments {
             mcap.attach(&mcap::Attachment {

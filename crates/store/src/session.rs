@@ -224,8 +224,8 @@ pub struct Options {
     pub decoded_interval: Duration,
     /// A chunk of decoded records ends when it is larger than this, whatever its age.
     pub decoded_chunk_bytes: usize,
-    /// zstd level; 0 is zstd's own default.
-    pub compression_level: u32,
+    /// zstd level; 0 is zstd's own default. `None` writes chunks without compression.
+    pub compression_level: Option<u32>,
     /// The file is synced to the disk this often (recorder only).
     pub sync_interval: Duration,
     /// A new file begins after this time on the log clock (recorder only).
@@ -267,7 +267,7 @@ impl Default for Options {
             journal_interval: Some(Duration::from_millis(50)),
             decoded_interval: Duration::from_secs(1),
             decoded_chunk_bytes: 1 << 20,
-            compression_level: 0,
+            compression_level: Some(0),
             sync_interval: Duration::from_millis(500),
             rotate_after: Some(Duration::from_secs(600)),
             rotate_bytes: Some(1 << 30),

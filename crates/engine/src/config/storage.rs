@@ -76,7 +76,7 @@ impl Storage {
                 raw_interval: Duration::from_secs_f64(raw_s),
                 decoded_interval: Duration::from_secs_f64(decoded_s),
                 stop_within: Duration::from_secs_f64(stop_s),
-                compression_level: level as u32,
+                compression_level: Some(level as u32),
                 sync_interval: Duration::from_secs_f64(sync_s),
                 rotate_after: (rotate_s > 0.0).then(|| Duration::from_secs_f64(rotate_s)),
                 rotate_bytes: bytes(rotate_mb),

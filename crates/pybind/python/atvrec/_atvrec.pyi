@@ -500,6 +500,7 @@ def replay_log(
     method: str | None,
     smooth: bool,
     verify: bool,
+    compress: bool,
 ) -> tuple[str, _Estimated | None]: ...
 def simulate_log(
     manoeuvre: str | None,

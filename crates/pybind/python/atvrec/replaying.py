@@ -77,6 +77,7 @@ def replay(
     config: Path | None = None,
     smooth: bool = False,
     verify: bool = False,
+    compress: bool = True,
 ) -> Replayed:
     """Estimates again from the raw bytes of a log.
 
@@ -91,6 +92,8 @@ def replay(
     - ``config`` replaces the log's configuration, and excludes the above
     - ``smooth`` also writes estimates that use the measurements after their instant; needs ``output``
     - ``verify`` compares with what was recorded
+    - ``compress = False`` writes the chunks of ``output`` without compression: a log that is read at once and
+      then removed is made with less work
 
     Raises :class:`FileExistsError` where ``output`` exists and ``force`` is not set,
     :class:`atvrec.LogError` where the log cannot be read, :class:`atvrec.ArgumentError` where a name
@@ -119,6 +122,7 @@ def replay(
         method,
         smooth,
         verify,
+        compress,
     )
     return Replayed(**json.loads(result), estimated=None if found is None else estimated(found))
 

@@ -69,12 +69,12 @@ class Drive:
 
 def replay(**options: Any) -> Step:
     """Estimates again from the raw bytes, with the options of :func:`atvrec.replay` other than
-    ``output``, ``force`` and ``verify``. The following steps use the result. Files are read here and sent
+    ``output``, ``force``, ``verify`` and ``compress``. The following steps use the result. Files are read here and sent
     to the workers."""
     files: dict[str, bytes] = {}
     plain: dict[str, Any] = {}
     for name, value in options.items():
-        if name in ("output", "force", "verify", "smooth"):
+        if name in ("output", "force", "verify", "smooth", "compress"):
             raise ArgumentError(f"replay: {name} is not an option of a fleet's step")
         if name in ("vehicle", "sensors", "calibration") and hasattr(value, "to_toml"):
             files[name] = value.to_toml().encode()
@@ -159,7 +159,7 @@ def _replay(drive: Drive, _: str, step: Step) -> None:
         else:
             options[name] = path
     output = drive.folder / "replayed.mcap"
-    atvrec.replay(drive.log, output, overrides=overrides, **options)
+    atvrec.replay(drive.log, output, overrides=overrides, compress=False, **options)
     drive.log = atvrec.open(output)
 
 
