@@ -24,7 +24,8 @@ use tracing_subscriber::{EnvFilter, Layer};
 
 use limit::Limit;
 
-/// Starts the output of messages. `ATVREC_LOG` overrides `verbose` and `quiet` with finer filters.
+/// Starts the output of messages. `ATVREC_LOG` overrides `verbose` and `quiet` with finer filters. A second call in one
+/// process, which Python can make, changes nothing.
 pub fn start(verbose: u8, quiet: bool) {
     let level = match (quiet, verbose) {
         (true, _) => "error",
@@ -44,16 +45,17 @@ pub fn start(verbose: u8, quiet: bool) {
         .fmt_fields(fields.delimited(" "))
         .with_writer(std::io::stderr);
     let subscriber = tracing_subscriber::registry().with(filter);
-    if goes_to_journal() {
+    // Fails only if the output was started before.
+    let _ = if goes_to_journal() {
         let layer = layer.with_ansi(false).event_format(Journal::new());
-        subscriber.with(layer.with_filter(Limit)).init();
+        subscriber.with(layer.with_filter(Limit)).try_init()
     } else {
         let layer = layer
             .with_ansi(std::io::stderr().is_terminal())
             .with_target(false)
             .compact();
-        subscriber.with(layer.with_filter(Limit)).init();
-    }
+        subscriber.with(layer.with_filter(Limit)).try_init()
+    };
 }
 
 /// Reports the repeated messages that were not printed since the last report. Call it at the end.

@@ -396,3 +396,5 @@ def test_the_command_of_the_wheel_is_the_program() -> None:
     assert wrong.returncode == 1 and "cannot open /nonexistent.mcap" in wrong.stderr
     usage = subprocess.run([program, "--nonsense"], capture_output=True, text=True)
     assert usage.returncode == 2 and "--nonsense" in usage.stderr
+    # As a function it can be called again.
+    assert [main(["info", "/nonexistent.mcap"]) for _ in range(2)] == [1, 1]
