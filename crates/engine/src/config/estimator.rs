@@ -74,10 +74,7 @@ pub fn read(
     vehicle.finish(collector);
 
     let mut settings = read_settings(method, ignore, tuning, collector);
-    if let Some(field) = model_friction {
-        settings.model_friction =
-            by_name(&field, &field.value, &MODEL_FRICTIONS, collector).unwrap_or_default();
-    }
+    settings.model_friction = friction_of(model_friction.as_ref(), collector);
     settings.curve_radius_m = curve_radius_m.and_then(|field| checked_radius(&field, collector));
     if enabled.as_ref().is_some_and(|field| !field.value) {
         return None;
@@ -161,6 +158,13 @@ fn read_settings(
         tuning,
         ..Settings::default()
     }
+}
+
+/// The friction of the vehicle model.
+fn friction_of(field: Option<&Field<String>>, collector: &mut ErrorCollector<'_>) -> ModelFriction {
+    field
+        .and_then(|field| by_name(field, &field.value, &MODEL_FRICTIONS, collector))
+        .unwrap_or_default()
 }
 
 /// The radius of a curve that a vehicle can drive.
