@@ -40,7 +40,8 @@ pub fn mistakes_as_json(report: &MistakeReport) -> Value {
     json!({
         "found": found.collect::<Vec<_>>(),
         "likeliest": likeliest,
-        "used_s": report.used_s,
-        "manoeuvre": report.manoeuvre(),
+        "used_s": report.driven.used_s,
+        "decisive": report.is_decisive,
+        "manoeuvre": report.manoeuvre,
     })
 }

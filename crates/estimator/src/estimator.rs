@@ -2,6 +2,7 @@
 
 mod aiding;
 mod balances;
+mod choice;
 mod events;
 mod lagged;
 mod limits;
@@ -46,6 +47,7 @@ pub(crate) use lagged::LAG_STEPS;
 pub use mistakes::{CalibrationChanges, FoundMistake, MistakeReport};
 pub use placement::WheelPlacement;
 
+use choice::MotionChoice;
 use events::Divergence;
 use lagged::Past;
 use mistakes::MistakeWatch;
@@ -125,6 +127,10 @@ pub struct Estimator {
     feedback: EstimatorFeedback,
     /// Time of the last start of the motion filter.
     moving_since: Option<LogTime>,
+    /// Since when tyre slip gives the sideslip.
+    blind_since: Option<LogTime>,
+    /// Choice between the inertial navigation and the single-track filter.
+    choice: MotionChoice,
     /// Divergence of motion, forces and sideslip.
     divergences: [Divergence; 3],
     /// Standard deviations of gyros, rad/s, and accelerometers, m/s².
@@ -203,6 +209,8 @@ impl Estimator {
             fusion,
             feedback: EstimatorFeedback::default(),
             moving_since: None,
+            blind_since: None,
+            choice: MotionChoice::default(),
             lift: LiftDetector::new(
                 PerWheel::from_fn(|wheel| vehicle.static_load_n(wheel)),
                 &t.lift,
@@ -340,11 +348,11 @@ impl Estimator {
     ) -> (Estimate, Option<Estimate>) {
         let settled = self.collect(time, out);
         let mut state = self.propagate(time);
-        let navigated = self.is_navigated(time);
-        let planar = self.correct_planar(time, navigated, &mut state, out);
+        let planar = self.correct_planar(time, &mut state, out);
+        let navigated = planar.is_none() && self.is_navigated(time);
         let steer_rad = self.place_corners(time, &state);
         let mut motion = self.describe_motion(&state, planar.as_ref(), navigated);
-        let expected = self.expect_forces(&state, &motion, steer_rad);
+        let expected = self.expect_forces(time, &state, &motion, steer_rad);
         let MeasuredForces {
             contact: measured,
             reported,
@@ -404,7 +412,7 @@ impl Estimator {
             rear: self.grip.axle(1, time),
             innovations,
         };
-        if let Some(planar) = self.planar.as_ref().filter(|_| !self.is_navigated(time)) {
+        if let Some(planar) = self.planar.as_ref().filter(|_| !self.choice.navigates) {
             planar.write_offsets(&mut parameters);
         }
         parameters

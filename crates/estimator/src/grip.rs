@@ -28,6 +28,7 @@
 //! size, such a posterior is not reached, and no change is declared.
 
 mod bound;
+mod surface;
 
 use model::vehicle::{self, Vehicle};
 use nalgebra::{Matrix4, Vector4};

@@ -60,5 +60,5 @@ pub use estimator::{
     CalibrationChanges, Estimator, FoundMistake, MistakeReport, Output, WheelPlacement,
 };
 pub use grid::GRID_NANOS;
-pub use settings::{Input, Method, Settings};
+pub use settings::{Input, Method, ModelFriction, Settings};
 pub use tuning::Tuning;

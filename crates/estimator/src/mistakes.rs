@@ -12,6 +12,7 @@
 //! The ratio of the likelihoods, in which the parameters are integrated out, decides (Bayes factor; Kass and Raftery,
 //! J. Am. Stat. Assoc. 90 (1995), 773-795, section 3).
 
+mod driven;
 mod evidence;
 mod hypotheses;
 mod layout;
@@ -21,6 +22,7 @@ mod texts;
 use crate::fusion::relations::{CHANNELS, RelationWindow};
 use crate::tuning::MistakeTuning;
 
+pub use driven::Driven;
 use evidence::Evidence;
 pub use evidence::Setup;
 pub(crate) use evidence::right_angles;
@@ -55,6 +57,7 @@ pub struct Mistakes {
     judged: Vec<Judged>,
     /// Windows that did not contradict the configuration.
     agreeing: u32,
+    driven: Driven,
 }
 
 impl Mistakes {
@@ -66,6 +69,7 @@ impl Mistakes {
             evidence: Evidence::new(setup, *tuning),
             judged: Vec::with_capacity(HYPOTHESES),
             agreeing: 0,
+            driven: Driven::default(),
         }
     }
 
@@ -74,16 +78,20 @@ impl Mistakes {
         self.evidence = Evidence::new(setup, self.tuning);
         self.judged.clear();
         self.agreeing = 0;
+        self.driven = Driven::default();
     }
 
     /// Takes a window. Returns a mistake that is now certain.
     pub fn take(&mut self, window: &RelationWindow) -> Option<Judged> {
         let t = &self.tuning;
         let on_ground = window.least_load.iter().all(|part| *part > t.load_min_part);
-        if !on_ground || window.speed.abs() < t.speed_min_m_s {
+        let is_slow = window.speed.abs() < t.speed_min_m_s;
+        if !on_ground || is_slow {
+            self.driven.leave_out(is_slow, t);
             return None;
         }
         let square = self.evidence.take(window)?;
+        self.driven.take(window, t);
         self.agreeing += u32::from(square < t.agreeing_square);
         if !self.evidence.windows.is_multiple_of(t.decide_windows) {
             return None;
@@ -98,10 +106,10 @@ impl Mistakes {
         &self.judged
     }
 
-    /// Windows that were used.
+    /// What was driven.
     #[must_use]
-    pub fn windows(&self) -> u32 {
-        self.evidence.windows
+    pub fn driven(&self) -> &Driven {
+        &self.driven
     }
 
     /// Whether the drive has said that the configuration is right.

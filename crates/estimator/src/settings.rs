@@ -15,6 +15,9 @@ pub struct Settings {
     /// Radius of the curve whose largest speed is wanted, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub curve_radius_m: Option<f64>,
+    /// Friction with which the vehicle model computes its forces.
+    #[serde(skip_serializing_if = "ModelFriction::is_of_vehicle")]
+    pub model_friction: ModelFriction,
     /// Tuned numbers.
     pub tuning: Tuning,
 }
@@ -24,6 +27,25 @@ impl Settings {
     #[must_use]
     pub fn uses(&self, input: Input) -> bool {
         !self.ignore.contains(&input)
+    }
+}
+
+/// Friction coefficients of the vehicle model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelFriction {
+    /// Those of the vehicle file.
+    #[default]
+    Vehicle,
+    /// Those that the drive has shown, while they are known; else those of the vehicle file.
+    Found,
+}
+
+impl ModelFriction {
+    // serde hands out a reference.
+    #[allow(clippy::trivially_copy_pass_by_ref)]
+    fn is_of_vehicle(&self) -> bool {
+        *self == Self::Vehicle
     }
 }
 

@@ -148,7 +148,16 @@ impl Smoother {
         let slip_angle_rad = PerWheel::from_fn(|wheel| {
             filtered.slip_angle_rad[wheel] + smoothed[wheel] - causal[wheel]
         });
+        // What the causal estimate states beside the filter's standard deviation.
+        let own = step.solution.state(step.estimate.time).sideslip_sigma_rad;
+        let beside = filtered.sideslip_sigma_rad.powi(2) - own.powi(2);
+        let sideslip_sigma_rad = if beside > 0.0 {
+            math::hypot(motion.sideslip_sigma_rad, beside.sqrt())
+        } else {
+            motion.sideslip_sigma_rad
+        };
         Motion {
+            sideslip_sigma_rad,
             steer_rad: filtered.steer_rad,
             slip_angle_rad,
             longitudinal_slip: filtered.longitudinal_slip,

@@ -111,6 +111,9 @@ tuning! {
         gnss_silent_s: f64 = 0.3, "s";
         /// Age of the last accepted GNSS attitude from which tyre slip replaces it.
         heading_silent_s: f64 = 1.0, "s";
+        /// Time for which the receivers of a vehicle without linkages must be heard after a silence before the
+        /// inertial navigation replaces the single-track filter.
+        navigation_hold_s: f64 = 5.0, "s";
         /// Time that attitude and biases need after a start, also in a bend. Before that, slip
         /// angles do not update the grip estimate, and a further start is not reported as a
         /// divergence.

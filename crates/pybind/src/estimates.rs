@@ -208,5 +208,6 @@ const fn source_name(source: ForceSource) -> &'static str {
         ForceSource::Fusion => "fusion",
         ForceSource::Model => "model",
         ForceSource::Inertial => "inertial",
+        ForceSource::ModelFound => "model_found",
     }
 }

@@ -156,6 +156,8 @@ pub enum ForceSource {
     Model,
     /// Balances of the whole vehicle with its inertial unit, without sensors on the suspension.
     Inertial,
+    /// The vehicle model with the friction that the drive has shown.
+    ModelFound,
 }
 
 /// How near the vehicle is to lifting a wheel and to tipping over; `NaN` where loads are unknown.

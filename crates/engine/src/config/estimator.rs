@@ -3,7 +3,7 @@
 use std::ops::{Range, RangeInclusive};
 
 use estimator::tuning::Group;
-use estimator::{Calibration, Input, Method, Settings, Tuning};
+use estimator::{Calibration, Input, Method, ModelFriction, Settings, Tuning};
 use model::FileErrors;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
@@ -16,6 +16,11 @@ use model::file::{ErrorCollector, Field, NumberOrList, Section, closest};
 const CURVE_RADIUS_M: RangeInclusive<f64> = 1.0..=10_000.0;
 /// Names of the methods in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
+/// Names of the friction of the vehicle model in the file.
+const MODEL_FRICTIONS: [(&str, ModelFriction); 2] = [
+    ("vehicle", ModelFriction::Vehicle),
+    ("found", ModelFriction::Found),
+];
 /// Names of the inputs in the file.
 const INPUTS: [(&str, Input); 9] = [
     ("strain", Input::Strain),
@@ -54,6 +59,7 @@ pub fn read(
     let method = section.optional::<String>("method", collector);
     let ignore = section.optional::<Vec<String>>("ignore", collector);
     let curve_radius_m = section.optional::<f64>("curve_radius_m", collector);
+    let model_friction = section.optional::<String>("model_friction", collector);
     let mut tuning = Tuning::default();
     if let Some(section) = section.optional_section("tuning", collector) {
         read_tuning(section, &mut tuning, collector);
@@ -68,6 +74,7 @@ pub fn read(
     vehicle.finish(collector);
 
     let mut settings = read_settings(method, ignore, tuning, collector);
+    settings.model_friction = friction_of(model_friction.as_ref(), collector);
     settings.curve_radius_m = curve_radius_m.and_then(|field| checked_radius(&field, collector));
     if enabled.as_ref().is_some_and(|field| !field.value) {
         return None;
@@ -151,6 +158,13 @@ fn read_settings(
         tuning,
         ..Settings::default()
     }
+}
+
+/// The friction of the vehicle model.
+fn friction_of(field: Option<&Field<String>>, collector: &mut ErrorCollector<'_>) -> ModelFriction {
+    field
+        .and_then(|field| by_name(field, &field.value, &MODEL_FRICTIONS, collector))
+        .unwrap_or_default()
 }
 
 /// The radius of a curve that a vehicle can drive.
@@ -372,6 +386,26 @@ mod tests {
         );
         let short = problems("jumps.largest = [1.0, 2.0]");
         assert!(short.contains("a list of 3 numbers is expected"), "{short}");
+    }
+
+    #[test]
+    fn the_friction_of_the_model_is_read_and_a_wrong_one_is_reported() {
+        let read = |value: &str| {
+            let text = format!(
+                "[vehicle]\nfile = \"prowler\"\n[estimator]\nmodel_friction = \"{value}\"\n"
+            );
+            Config::from_text(&text, Path::new("."))
+        };
+        for (value, expected) in super::MODEL_FRICTIONS {
+            let settings = read(value).unwrap().estimator.map(|e| e.settings);
+            assert_eq!(settings.map(|s| s.model_friction), Some(expected));
+        }
+        let error = read("fund").unwrap_err().to_string();
+        assert!(
+            error.contains("estimator.model_friction: \"fund\" is not known")
+                && error.contains("did you mean \"found\"?"),
+            "{error}"
+        );
     }
 
     #[test]

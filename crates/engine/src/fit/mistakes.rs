@@ -4,8 +4,8 @@ use estimator::MistakeReport;
 
 use super::{Judgement, Misfit};
 
-/// Driving time from which a drive without a mistake counts as a fit, s.
-const ENOUGH_S: f64 = 20.0;
+/// What the hypotheses are about.
+const SUBJECT: &str = "strain channels, load and inertial unit by the balance of forces";
 
 /// Adds the result of the hypotheses of the estimator.
 pub(super) fn judge(report: &MistakeReport, judgement: &mut Judgement) {
@@ -20,15 +20,21 @@ pub(super) fn judge(report: &MistakeReport, judgement: &mut Judgement) {
     if !report.found.is_empty() {
         return;
     }
-    if report.used_s < ENOUGH_S {
+    let used_s = report.driven.used_s;
+    let likeliest = report.likeliest.as_ref().filter(|_| report.is_suspected);
+    if let Some((words, _)) = likeliest {
         judgement.undecided(
-            "strain channels, load and inertial unit by the balance of forces",
-            report.manoeuvre(),
+            &format!(
+                "{SUBJECT}: likely, but not proved: {}: {}",
+                words.subject, words.cause
+            ),
+            &report.manoeuvre,
         );
-    } else {
+    } else if report.is_decisive {
         judgement.fits.push(format!(
-            "strain channels, load and inertial unit: the forces of {:.0} s of driving agree",
-            report.used_s
+            "strain channels, load and inertial unit: the forces of {used_s:.0} s of driving agree"
         ));
+    } else {
+        judgement.undecided(SUBJECT, &report.manoeuvre);
     }
 }

@@ -39,8 +39,10 @@ impl Estimator {
         let aiding = t.motion.aiding;
         let blind = self.motion.velocity_age_s(time) > t.gnss_silent_s;
         if !blind && self.motion.attitude_age_s(time) < t.heading_silent_s {
+            self.blind_since = None;
             return;
         }
+        self.blind_since.get_or_insert(time);
         let normal = self
             .corners
             .as_ref()
@@ -69,6 +71,22 @@ impl Estimator {
             );
         }
         self.constrain_axles(forward, left);
+    }
+
+    /// Standard deviation of the reported sideslip angle, rad, from that of the motion filter. While no receiver gives
+    /// the sideslip, slip angles follow from forces and from a friction that nothing measures: on a ground that is so
+    /// slippery that the tyres slide, they are larger.
+    pub(super) fn sideslip_sigma_rad(&self, time: LogTime, filter_sigma_rad: f64) -> f64 {
+        let t = self.settings.tuning.motion.aiding;
+        // The rear wheels do not steer: their slip angle is that of the body.
+        let surplus = self.grip.slip_surplus(1, &self.feedback.forces);
+        match (self.blind_since, surplus) {
+            (Some(since), Some(surplus)) => {
+                let blind = 1.0 - math::exp(-time.seconds_since(since) / t.blind_time_s);
+                math::hypot(filter_sigma_rad, blind * t.blind_slip_part * surplus)
+            }
+            _ => filter_sigma_rad,
+        }
     }
 
     /// The middle of an axle moves along its wheels, apart from the slip angle that its lateral

@@ -11,7 +11,7 @@ use crate::Calibration;
 use crate::calibration::{Channel, ChannelCalibration, Resolved};
 use crate::fusion::Fusion;
 use crate::fusion::relations::{CHANNELS, channel_of};
-use crate::mistakes::{Described, Hypothesis, Judged, Mistakes, Setup, right_angles};
+use crate::mistakes::{Described, Driven, Hypothesis, Judged, Mistakes, Setup, right_angles};
 use crate::statics::AXIAL;
 use crate::tuning::MistakeTuning;
 
@@ -36,20 +36,18 @@ pub struct MistakeReport {
     pub found: Vec<(FoundMistake, Described)>,
     /// The mistake that is likeliest after these, and the logarithm of its ratio of likelihoods.
     pub likeliest: Option<(Described, f64)>,
-    /// Driving time that was used since the last correction, s.
-    pub used_s: f64,
+    /// Whether that one is so likely that the configuration is in doubt.
+    pub is_suspected: bool,
+    /// What was driven since the last correction.
+    pub driven: Driven,
+    /// Whether a drive without a mistake shows that the configuration is right.
+    pub is_decisive: bool,
+    /// Manoeuvre that decides what is not decided, with its duration.
+    pub manoeuvre: String,
     /// Corrections of the calibration.
     pub changes: CalibrationChanges,
     /// Load to add to the vehicle file.
     pub payload: Option<Payload>,
-}
-
-impl MistakeReport {
-    /// Manoeuvre that decides, for a drive that is too short or too quiet.
-    #[must_use]
-    pub const fn manoeuvre(&self) -> &'static str {
-        "drive for a minute at 5 m/s or faster with all wheels on the ground: slalom, then accelerate and brake firmly"
-    }
 }
 
 /// Corrections of a calibration file.
@@ -151,13 +149,17 @@ impl Estimator {
         let count_n = self.count_n();
         let words = |judged: &Judged| judged.describe(&self.vehicle, &count_n);
         let evidence = &watch.evidence;
+        let (driven, tuning) = (evidence.driven(), &self.settings.tuning.mistakes);
         Some(MistakeReport {
             found: watch.found.clone(),
             likeliest: evidence
                 .judged()
                 .first()
                 .map(|best| (words(best), best.ratio)),
-            used_s: f64::from(evidence.windows()) * self.settings.tuning.mistakes.window_s,
+            is_suspected: evidence.is_suspected(),
+            driven: *driven,
+            is_decisive: driven.is_decisive(tuning),
+            manoeuvre: driven.manoeuvre(tuning),
             changes: self.calibration_changes(&watch.found),
             payload: self
                 .unloaded

@@ -7,6 +7,7 @@ use sample::{Estimate, ForceSource, LogTime, Motion, PerWheel, Rollover, TyreFor
 use super::events::{channel_event, frozen_event, range_event, vehicle_event};
 use super::lagged::LAG_STEPS;
 use super::{Estimator, Output};
+use crate::expected::ExpectedInput;
 use crate::feedback::EstimatorFeedback;
 use crate::fusion::{Fusion, StepInput};
 use crate::gaussian::Gaussian;
@@ -21,7 +22,7 @@ use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
 use crate::waiting::{Entry, Held};
 use crate::wheel_frame::WheelFrame;
-use crate::{Input, Tuning};
+use crate::{Input, ModelFriction, Tuning};
 
 /// Forces of the tyres by the measurement path.
 #[derive(Default)]
@@ -122,21 +123,25 @@ impl Estimator {
     }
 
     /// Stage 3: the single-track filter of a vehicle without linkages. Its motion replaces the
-    /// inertial navigation's while GNSS is silent.
+    /// inertial navigation's as [`MotionChoice`] decides.
     pub(super) fn correct_planar(
         &mut self,
         time: LogTime,
-        navigated: bool,
         state: &mut MotionState,
         out: &mut impl FnMut(Output),
     ) -> Option<PlanarMotion> {
+        let navigated = self.is_navigated(time);
         let planar = self.planar.as_mut()?;
         let motion = planar.step(time, GRID_S);
         self.divergences[2].step(time, planar.resets(), false, out);
         if let Some((contradicts, square)) = planar.contradiction() {
             out(Output::Event(vehicle_event(time, contradicts, square)));
         }
-        let motion = motion.filter(|_| !navigated);
+        let hold_s = self.settings.tuning.navigation_hold_s;
+        let navigates = self
+            .choice
+            .step(time, navigated, hold_s, state, motion.as_ref());
+        let motion = motion.filter(|_| !navigates);
         if let Some(motion) = &motion {
             motion.apply_to(state);
         }
@@ -181,12 +186,24 @@ impl Estimator {
     /// Stage 6: tyre forces that the vehicle model expects.
     pub(super) fn expect_forces(
         &mut self,
+        now: LogTime,
         state: &MotionState,
         motion: &Motion,
         steer_rad: [f64; 4],
     ) -> PerWheel<TyreForce> {
-        self.expected
-            .step(GRID_S, state.velocity_m_s.x, motion, steer_rad)
+        let friction = match self.settings.model_friction {
+            ModelFriction::Found => self.grip.found_friction(now),
+            ModelFriction::Vehicle => None,
+        };
+        let input = ExpectedInput {
+            speed_m_s: state.velocity_m_s.x,
+            sideslip_rad: state.sideslip_rad,
+            yaw_rate_rad_s: state.rate_rad_s.z,
+            motion,
+            steer_rad,
+            friction,
+        };
+        self.expected.step(GRID_S, &input)
     }
 
     /// Stage 7: tyre forces from strain, struts and the inertial unit, by the force filter or by
@@ -342,6 +359,9 @@ impl Estimator {
         }
         if let Some(planar) = planar {
             planar.write_to(motion);
+        }
+        if planar.is_none() {
+            motion.sideslip_sigma_rad = self.sideslip_sigma_rad(time, motion.sideslip_sigma_rad);
         }
         self.complete_slope(time, motion, state, forces);
         motion.steer_rad = PerWheel(steer_rad);

@@ -410,6 +410,11 @@ impl PlanarMotion {
         input.steer_rad = [steer, steer, 0.0, 0.0];
     }
 
+    /// Whether the yaw rate is measured.
+    pub(crate) fn has_yaw_rate(&self) -> bool {
+        self.input.inertial.yaw_rate_rad_s.is_finite()
+    }
+
     /// Standard deviation of sideslip: the filter's own and the error of a single-track model.
     fn sideslip_sigma_rad(&self) -> f64 {
         let speed = self.input.speed_m_s.max(SPEED_MIN_M_S);

@@ -140,5 +140,10 @@ tuning! {
         /// Factor on the standard deviation of an axle's lateral velocity: the error of a slip angle
         /// is correlated over many steps, the filter assumes independent ones.
         slip_correlation: f64 = 4.0, "1";
+        /// Standard deviation of the reported sideslip angle because of an unknown friction, as a part of the
+        /// difference between the slip angles with the least friction and with the learnt one.
+        blind_slip_part: f64 = 0.65, "1";
+        /// Time constant with which slip angles from forces replace the sideslip of the last receiver.
+        blind_time_s: f64 = 2.0, "s";
     }
 }

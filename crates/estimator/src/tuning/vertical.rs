@@ -29,6 +29,10 @@ tuning! {
         slip_max: f64 = 0.2, "1";
         /// Largest steer angle, bank and grade.
         angle_max_rad: f64 = 1.0, "rad";
+        /// Difference of the model's sideslip from the estimated one from which the model spins.
+        spun_rad: f64 = 0.15, "rad";
+        /// Speed from which that is judged.
+        spun_speed_m_s: f64 = 3.0, "m/s";
     }
 }
 

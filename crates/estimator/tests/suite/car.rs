@@ -4,6 +4,7 @@
 
 mod cars;
 mod halves;
+mod receiver;
 mod road;
 mod spin;
 mod surrogate;
@@ -284,6 +285,63 @@ fn a_wrong_sign_is_named() {
             other => panic!("{other:?}"),
         }
     }
+}
+
+/// Longest time for which the lateral force of the vehicle model may be off by more than `LATCHED_M_S2`, s.
+const LATCHED_MAX_S: f64 = 2.0;
+const LATCHED_M_S2: f64 = 4.0;
+
+/// Longest time for which the lateral force of the vehicle model is off, s. The model begins again at a difference of
+/// `spun_rad` in sideslip.
+fn latched_s(case: &Case, rows: &[Row], spun_rad: f64) -> f64 {
+    let vehicle = vehicle(case);
+    let mut calibration = Calibration::nominal(&vehicle.name);
+    calibration.steer.offset_rad = vehicle.steering.ratio * case.errors.steer_rad;
+    let mut settings = Settings::default();
+    settings.tuning.expected.spun_rad = spun_rad;
+    let sensors = Sensors::builtin("thesis-10bit").expect("a sensors file");
+    let mut estimator =
+        Estimator::new(&vehicle, &sensors, &calibration, settings).expect("an estimator");
+    let mut model_m_s2 = Vec::new();
+    let all = samples(rows, vehicle.steering.ratio);
+    for sample in all.iter().flatten() {
+        estimator.advance(sample.log_time, &mut |output| {
+            if let Output::Estimate(estimate) = output {
+                let forces = estimate.expected.0.iter().map(|force| force.force_n[1]);
+                model_m_s2.push(forces.sum::<f64>() / case.car.mass_kg);
+            }
+        });
+        estimator.push(sample);
+    }
+    let (mut steps, mut most) = (0, 0);
+    for (model, row) in model_m_s2.iter().zip(rows) {
+        let error = model - (row.lateral_m_s2 - case.errors.accel_m_s2);
+        steps = if error.abs() > LATCHED_M_S2 {
+            steps + 1
+        } else {
+            0
+        };
+        most = most.max(steps);
+    }
+    f64::from(most) * ROW_S
+}
+
+/// With the speed given, a model that spins would never stop: the forces stayed at the friction.
+#[test]
+fn the_vehicle_model_does_not_stay_at_the_limit_of_grip() {
+    let spun_rad = Settings::default().tuning.expected.spun_rad;
+    let mut without_s = 0.0_f64;
+    for case in &cars::ALL {
+        let rows = drive(&case.car, &case.lap, &case.errors, 140.0);
+        let [with_s, free_s] = [spun_rad, 10.0].map(|limit| latched_s(case, &rows, limit));
+        println!(
+            "{}: {with_s:.2} s, without a limit {free_s:.2} s",
+            case.name
+        );
+        assert!(with_s < LATCHED_MAX_S, "{}: {with_s} s", case.name);
+        without_s = without_s.max(free_s);
+    }
+    assert!(without_s > 2.0 * LATCHED_MAX_S, "{without_s} s");
 }
 
 #[test]

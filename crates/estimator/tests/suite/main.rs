@@ -26,6 +26,7 @@ mod road;
 mod robust;
 mod second_filter;
 mod sensitivity;
+mod slippery;
 mod smoother;
 mod subsets;
 mod truth;

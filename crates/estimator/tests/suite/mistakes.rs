@@ -119,6 +119,24 @@ impl Watched {
             .join("; ")
     }
 
+    /// Error of F_y in per cent, contact frame, lagged, worst wheel, from a time on.
+    fn lateral_error(&self, run: &Run, vehicle: &Vehicle, from_s: f64) -> f64 {
+        let of_wheel = |wheel: Wheel| {
+            let forces_n = run.column(&format!("{}_Fy", wheel.abbreviation()));
+            let load_n = vehicle.static_load_n(wheel);
+            let peak = forces_n
+                .iter()
+                .fold(load_n, |most, force| most.max(force.abs()));
+            let late = self.lagged.iter().filter_map(|estimate| {
+                let row = scoring::row(estimate);
+                (row as f64 > from_s * truth::RATE_HZ && row < run.rows)
+                    .then(|| estimate.measured[wheel].force_n[1] - forces_n[row])
+            });
+            100.0 * scoring::rms(late) / peak
+        };
+        Wheel::ALL.into_iter().map(of_wheel).fold(0.0, f64::max)
+    }
+
     /// Errors in per cent, wheel-carrier frame, lagged, from 3 s after the correction.
     fn errors(&self, run: &Run, vehicle: &Vehicle) -> [f64; 3] {
         let from_s = self.first().map_or(3.0, |(at_s, _)| at_s) + 3.0;
@@ -379,6 +397,56 @@ fn campaign_of_mistakes() {
         missed <= 8 + 4,
         "{missed} not named; see target/mistakes.md"
     );
+}
+
+/// Largest errors of a load that is not configured: mass, kg, place across, m, and F_y, per cent, then.
+const LOAD_MASS_MAX_KG: f64 = 10.0;
+const LOAD_PLACE_MAX_M: f64 = 0.05;
+const LOAD_LATERAL_MAX: f64 = 1.5;
+
+/// A load of 80 kg, 0.3 m off the middle, seeds 1 to 4, 10 and 16 bit.
+#[test]
+#[ignore = "minutes; `make campaigns` runs it"]
+fn campaign_of_a_load() {
+    let vehicle = truth::vehicle();
+    let real = loaded();
+    let run = drive::virtual_drive(&real, sim::Manoeuvre::MixedDriving, 60.0);
+    let mut off = Vec::new();
+    for sensors in ["thesis-10bit", "full-bridge-16bit-bending"] {
+        for seed in 1..=4 {
+            let watched = watch(&Drive {
+                run: &run,
+                real: &real,
+                sensors,
+                seed,
+                mistake: Mistake::Payload,
+            });
+            let Some((at_s, found)) = watched.first() else {
+                off.push(format!("{sensors} {seed}: nothing"));
+                continue;
+            };
+            let [mass_kg, _, moment, ..] = found.judged.value;
+            let left_m = moment / mass_kg;
+            let expected_m = LOAD.1[1] - vehicle.body.cg_y_m;
+            let lateral = watched.lateral_error(&run, &real, at_s + 3.0);
+            let line = format!(
+                "{sensors} {seed}: after {at_s:.0} s {}; F_y {lateral:.2} % then; blamed {:?}",
+                watched.words(),
+                watched.blamed
+            );
+            println!("{line}");
+            let is_good = found.judged.hypothesis == Hypothesis::Payload
+                && (mass_kg - LOAD.0).abs() < LOAD_MASS_MAX_KG
+                && (left_m - expected_m).abs() < LOAD_PLACE_MAX_M
+                && lateral < LOAD_LATERAL_MAX
+                && watched.blamed.is_empty();
+            if !is_good {
+                off.push(line);
+            }
+        }
+    }
+    report(&format!("{} of 8 loads are off", off.len()));
+    assert!(off.is_empty(), "{}", off.join("\n"));
 }
 
 /// No mistake is found where there is none: all truth runs, all sensor sets, seeds 1 to 4.

@@ -551,7 +551,7 @@ class Estimator:
 def estimated(found: tuple[dict[str, Any], dict[str, Any], list[dict[str, Any]]]) -> Estimated:
     """Records of what the extension module gives."""
     estimates, parameters, events = found
-    sources = np.array(estimates.pop("force_source"), dtype="<U10").reshape(-1, 4)
+    sources = np.array(estimates.pop("force_source"), dtype="<U11").reshape(-1, 4)
     return Estimated(
         estimates=Estimates(**estimates, force_source=sources),
         parameters=Parameters(**parameters),

@@ -305,7 +305,8 @@ class Log:
         """Mistakes of the configuration, as ``atvrec identify mistakes --json`` finds them by repeating the
         estimate: ``found`` is a list with the keys ``time_ns``, ``subject``, ``cause``, ``help``,
         ``log_likelihood_ratio`` and ``corrected``; ``likeliest`` is the likeliest beside them, ``used_s`` the
-        driving time that was used since the last correction, ``manoeuvre`` what decides more.
+        driving time that was used since the last correction, ``decisive`` whether it was enough, ``manoeuvre``
+        what decides more and how long it takes.
 
         Raises :class:`atvrec.LogError` or :class:`atvrec.ArgumentError` where the log has no configuration or
         no vehicle with linkages.

@@ -78,6 +78,7 @@ fn force_to_proto(axle: u32, side: String, force: &TyreForce) -> pb::TyreForce {
         ForceSource::Fusion => pb::ForceSource::Fusion,
         ForceSource::Model => pb::ForceSource::Model,
         ForceSource::Inertial => pb::ForceSource::Inertial,
+        ForceSource::ModelFound => pb::ForceSource::ModelFound,
     };
     let [x_n, y_n, z_n] = force.force_n;
     let [x_sigma_n, y_sigma_n, z_sigma_n] = force.sigma_n;
@@ -135,6 +136,7 @@ pub(super) fn force_source(number: i32) -> ForceSource {
         pb::ForceSource::Fusion => ForceSource::Fusion,
         pb::ForceSource::Model => ForceSource::Model,
         pb::ForceSource::Inertial => ForceSource::Inertial,
+        pb::ForceSource::ModelFound => ForceSource::ModelFound,
     }
 }
 

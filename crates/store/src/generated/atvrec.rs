@@ -1462,6 +1462,8 @@ pub enum ForceSource {
     Model = 4,
     /// Balances of the whole vehicle with its inertial unit, without sensors on the suspension.
     Inertial = 5,
+    /// The vehicle model with the friction that the drive has shown.
+    ModelFound = 6,
 }
 impl ForceSource {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1476,6 +1478,7 @@ impl ForceSource {
             Self::Fusion => "FORCE_SOURCE_FUSION",
             Self::Model => "FORCE_SOURCE_MODEL",
             Self::Inertial => "FORCE_SOURCE_INERTIAL",
+            Self::ModelFound => "FORCE_SOURCE_MODEL_FOUND",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1487,6 +1490,7 @@ impl ForceSource {
             "FORCE_SOURCE_FUSION" => Some(Self::Fusion),
             "FORCE_SOURCE_MODEL" => Some(Self::Model),
             "FORCE_SOURCE_INERTIAL" => Some(Self::Inertial),
+            "FORCE_SOURCE_MODEL_FOUND" => Some(Self::ModelFound),
             _ => None,
         }
     }

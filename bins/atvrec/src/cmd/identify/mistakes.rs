@@ -86,7 +86,7 @@ fn print(report: &MistakeReport, output: Option<&Path>) {
     println!(
         "{} mistakes found; {:.0} s of driving were used{}",
         report.found.len(),
-        report.used_s,
+        report.driven.used_s,
         if report.found.is_empty() {
             ""
         } else {
@@ -100,7 +100,9 @@ fn print(report: &MistakeReport, output: Option<&Path>) {
             printable(&words.cause)
         );
     }
-    println!("to decide more: {}", report.manoeuvre());
+    if !report.is_decisive || report.is_suspected {
+        println!("not decided; manoeuvre that decides: {}", report.manoeuvre);
+    }
     if let Some(output) = output {
         println!("wrote {}", output.display());
     }
