@@ -81,16 +81,15 @@ pub fn find_latencies(reader: &Reader, config: &Config) -> Result<Vec<LatencyEst
     if uncertain(&config.sources).is_empty() {
         return Err(Error::NoUncertainLatency);
     }
-    if estimator.vehicle.front.hard_points.is_none() && estimator.vehicle.rear.hard_points.is_none()
-    {
-        return Err(Error::NoForcesToJudge(estimator.vehicle.name.clone()));
-    }
     let options = ReplayOptions {
         without_records: true,
         ..ReplayOptions::default()
     };
     let done = Replay::new(reader, config, options)?.run(|_| Ok::<_, Error>(()))?;
-    Ok(done.latencies)
+    match done.mistakes {
+        Some(_) => Ok(done.latencies),
+        None => Err(Error::NoForcesToJudge(estimator.vehicle.name.clone())),
+    }
 }
 
 /// What a drive says, in words.

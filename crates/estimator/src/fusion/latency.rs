@@ -169,7 +169,9 @@ impl Latencies {
             if !effects.iter().all(|effect| effect.is_finite()) {
                 continue;
             }
-            self.learn(&effects, taken.innovation, taken.total);
+            let own = 1.0 - joint.between[m][m] / taken.total;
+            let part = math::powf(own.max(0.0), self.tuning.own_power);
+            self.learn(&effects, taken.innovation, taken.total / part.max(1e-6));
             let column = covariance.projected(m);
             for (i, stream) in self.streams.iter_mut().enumerate() {
                 let gain = effects[i] / taken.total;

@@ -8,6 +8,9 @@ tuning! {
     LatencyTuning {
         /// Part of the readings that counts as independent: errors of the model last for several readings.
         independent: f64 = 0.25, "1";
+        /// Power of the part of an innovation's variance that is the reading's own, by which the innovation counts:
+        /// what the model does not predict on rough ground can look like a delay.
+        own_power: f64 = 1.0, "1";
         /// Random part of a latency, from reading to reading: a frame waits for others on the bus.
         jitter_s: f64 = 2e-5, "s";
         /// Random walk of a latency: clocks drift, and the load of the bus changes.
