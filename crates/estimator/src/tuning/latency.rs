@@ -7,7 +7,7 @@ tuning! {
     /// `latency_sigma_s`.
     LatencyTuning {
         /// Part of the readings that counts as independent: errors of the model last for several readings.
-        independent: f64 = 0.25, "1";
+        independent: f64 = 0.05, "1";
         /// Power of the part of an innovation's variance that is the reading's own, by which the innovation counts:
         /// what the model does not predict on rough ground can look like a delay.
         own_power: f64 = 1.0, "1";

@@ -209,18 +209,14 @@ fn can_meaning(
     let CanMeaning {
         names, latencies_s, ..
     } = &mut meaning;
-    read_latencies(latencies, (LATENCY_S, names, latencies_s), collector);
+    read_latencies(latencies, LATENCY_S, names, latencies_s, collector);
     let sigmas = section.section("message_latency_sigma_s", collector);
     let CanMeaning {
         names,
         latency_sigmas_s,
         ..
     } = &mut meaning;
-    read_latencies(
-        sigmas,
-        (LATENCY_SIGMA_S, names, latency_sigmas_s),
-        collector,
-    );
+    read_latencies(sigmas, LATENCY_SIGMA_S, names, latency_sigmas_s, collector);
     meaning.sync = sync::read(section, &meaning, collector);
     Meaning::Can(meaning)
 }
@@ -229,7 +225,9 @@ fn can_meaning(
 /// files.
 fn read_latencies(
     section: Section<'_>,
-    (range, all_names, values): (RangeInclusive<f64>, &[Vec<String>], &mut [Vec<Option<f64>>]),
+    range: RangeInclusive<f64>,
+    all_names: &[Vec<String>],
+    values: &mut [Vec<Option<f64>>],
     collector: &mut ErrorCollector<'_>,
 ) {
     for (message, field) in section.into_numbers(collector) {
