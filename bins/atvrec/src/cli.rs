@@ -21,8 +21,8 @@ pub use files::{
     CheckFilesArgs, DrawArgs, MassArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand,
 };
 pub use identify::{
-    IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, IdentifyMistakesArgs, InertiaArgs,
-    OutputArgs, PendulumKind, RollCentreArgs,
+    IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, IdentifyLatencyArgs, IdentifyMistakesArgs,
+    InertiaArgs, OutputArgs, PendulumKind, RollCentreArgs,
 };
 pub use import::{
     ImportAlogArgs, ImportCanArgs, ImportCommand, ImportCsvArgs, ImportGnssArgs, ImportInto,

@@ -33,7 +33,7 @@ pub use output::{CanOutput, CanPort, Output, UdpOutput};
 pub use proposal::{Proposed, propose};
 pub(crate) use record::can_messages;
 pub use roles::{ControlValue, Role, RoleOf, StrainUnit, Travel, WheelRate, is_bending};
-pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
+pub use source::{CanMeaning, GnssMeaning, Meaning, Source, SyncFrame, device_name};
 pub use storage::{Limits, Storage};
 pub use trigger::{CanRule, Trigger};
 
@@ -116,6 +116,20 @@ impl Config {
         Err(Error::ConfigurationEmpty {
             path: path.to_owned(),
         })
+    }
+
+    /// Text of the configuration file.
+    ///
+    /// # Errors
+    /// If it is not known, or is no text.
+    pub fn text(&self) -> Result<&str> {
+        let own = self
+            .attachments
+            .iter()
+            .find(|file| file.name == ATTACHED_NAME);
+        Ok(std::str::from_utf8(
+            &own.ok_or(Error::NoConfiguration)?.data,
+        )?)
     }
 
     /// What the configuration leaves out or uses though it is odd: parts of DBC files, and values of the

@@ -19,7 +19,7 @@ mod utc;
 use std::collections::BTreeSet;
 
 use estimator::smoother::{LAG_STEPS, Smoother};
-use estimator::{Estimator, MistakeReport, Output};
+use estimator::{Estimator, LatencyEstimate, LatencyPrior, MistakeReport, Output};
 use sample::{
     Arrival, Estimate, EventKind, ForceFrame, Health, LogTime, NANOS_PER_SECOND, Notice, Payload,
     Sample, Severity, SourceId,
@@ -28,6 +28,7 @@ use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
 use crate::Result;
 use crate::config::{self, Config};
+use crate::latency::{self, describe_latency};
 use crate::scene::SceneMaker;
 pub use can::DM1;
 pub(crate) use can::{Scales, conversion};
@@ -63,20 +64,37 @@ pub struct Engine {
     next_health: Option<LogTime>,
     utc_offset: Option<UtcOffset>,
     scene: Option<SceneMaker>,
+    /// Whether each latency that the configuration does not know was found and reported.
+    latencies_found: Vec<bool>,
 }
 
 impl Engine {
     /// Engine before the first arrival.
     pub fn new(config: &Config) -> Result<Self> {
-        let sources = config
+        let mut sources = config
             .sources
             .iter()
             .map(|source| SourceState::new(source, config.estimator.as_ref()))
-            .collect::<Result<_>>()?;
+            .collect::<Result<Vec<_>>>()?;
+        let uncertain = latency::uncertain(&config.sources);
+        for (place, one) in uncertain.iter().enumerate() {
+            for source in sources
+                .iter_mut()
+                .filter(|source| source.id() == one.source)
+            {
+                source.set_uncertain(one.message, place);
+            }
+        }
+        let latencies_found = vec![false; uncertain.len()];
+        let priors = uncertain.into_iter().map(|one| one.prior).collect();
+        let estimator = config.estimator.as_ref();
+        let estimator = estimator
+            .map(|settings| new_estimator(settings, priors))
+            .transpose()?;
         Ok(Self {
             sources,
             own: OwnFrames::of(config),
-            estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
+            estimator,
             smoother: None,
             samples: Vec::new(),
             silence: Silence::default(),
@@ -87,6 +105,7 @@ impl Engine {
             next_health: None,
             utc_offset: None,
             scene: config.output.scene.then(SceneMaker::default),
+            latencies_found,
         })
     }
 
@@ -229,7 +248,9 @@ impl Engine {
         }
         let source = self.sources.get(usize::from(arrival.source.0));
         for (n, sample) in self.samples.iter().enumerate() {
-            estimator.push(sample, source.is_some_and(|source| source.is_too_late(n)));
+            let message = source.and_then(|source| source.uncertain(n));
+            let is_too_late = source.is_some_and(|source| source.is_too_late(n));
+            estimator.push(sample, message, is_too_late);
         }
     }
 
@@ -312,6 +333,7 @@ impl Engine {
             return;
         }
         records.push(Record::Health(self.health(now)));
+        self.report_latencies(now, records);
         for source in &self.sources {
             records.extend(source.clocks(now).map(Record::ClockFit));
         }
@@ -321,6 +343,27 @@ impl Engine {
             self.utc_offset = Some(best);
             records.push(Record::UtcOffset(best));
         }
+    }
+
+    /// Reports each latency that has been found since the last call.
+    fn report_latencies(&mut self, now: LogTime, records: &mut Vec<Record>) {
+        if self.latencies_found.iter().all(|is_found| *is_found) {
+            return;
+        }
+        let found = self.latencies();
+        for (one, is_reported) in found.iter().zip(&mut self.latencies_found) {
+            if one.is_found && !std::mem::replace(is_reported, true) {
+                let text = describe_latency(one);
+                records.push(log(now, Severity::Info, "estimator".to_owned(), text));
+            }
+        }
+    }
+
+    /// What the run says of the latencies that the configuration does not know.
+    #[must_use]
+    pub fn latencies(&self) -> Vec<LatencyEstimate> {
+        let estimator = self.estimator.as_ref();
+        estimator.map_or_else(Vec::new, |estimator| estimator.estimator().latencies())
     }
 
     /// What the run says of its configuration; `None` without a vehicle with linkages.
@@ -379,14 +422,14 @@ fn has_data(payload: &Payload) -> bool {
     }
 }
 
-fn new_estimator(config: &config::Estimator) -> Result<Timely> {
+fn new_estimator(config: &config::Estimator, latencies: Vec<LatencyPrior>) -> Result<Timely> {
     let estimator = Estimator::new(
         &config.vehicle,
         &config.sensors,
         &config.calibration,
         config.settings.clone(),
     )?;
-    Ok(Timely::new(estimator))
+    Ok(Timely::new(estimator.with_latencies(latencies)))
 }
 
 /// Motion and forces of a later stage.

@@ -45,6 +45,12 @@ pub enum Error {
          `atvrec check --with LOG`"
     )]
     NoForcesToJudge(String),
+    /// Latencies are to be found, but the configuration knows all of them.
+    #[error(
+        "the configuration states no uncertainty of a latency, so that none can be found; set latency_sigma_s in the \
+         table of a source, such as latency_s = 0.0025 and latency_sigma_s = 0.0015 for 0 to 5 ms"
+    )]
+    NoUncertainLatency,
     /// A log gets an entry after an error.
     #[error("the log {0} takes no entry after an error")]
     LogClosed(PathBuf),

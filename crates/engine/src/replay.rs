@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::vec::IntoIter;
 
-use estimator::MistakeReport;
+use estimator::{LatencyEstimate, MistakeReport};
 use sample::{Arrival, LogTime, Payload};
 use store::{LogWriter, Missing, Options, Reader, Record, Selection, Session, Stage};
 
@@ -51,6 +51,8 @@ pub struct Replayed {
     pub changed: bool,
     /// What the run says of its configuration; `None` without a vehicle with linkages.
     pub mistakes: Option<MistakeReport>,
+    /// What the run says of the latencies that the configuration does not know.
+    pub latencies: Vec<LatencyEstimate>,
     /// Result of the verification, if it was requested.
     pub verification: Option<Verification>,
 }
@@ -199,6 +201,7 @@ impl<'r> Replay<'r> {
         done.during_silence = self.during_silence();
         self.finish_engines()?;
         done.mistakes = self.engine.mistake_report();
+        done.latencies = self.engine.latencies();
         if let Some(truth) = &mut truth {
             truth.until(END, &mut sink)?;
         }

@@ -71,6 +71,8 @@ pub(crate) mod drives;
 #[cfg(test)]
 mod late_tests;
 #[cfg(test)]
+mod latency_tests;
+#[cfg(test)]
 mod temperature_tests;
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,7 @@ mod balances;
 mod choice;
 mod events;
 mod lagged;
+mod latency;
 mod limits;
 mod mistakes;
 mod monitors;
@@ -31,7 +32,7 @@ use crate::grid::grid;
 use crate::grip::Grip;
 use crate::inertial_forces::InertialForces;
 use crate::innovation::InnovationTally;
-use crate::inputs::Readings;
+use crate::inputs::{Readings, Stamp};
 use crate::lift::LiftDetector;
 use crate::limits::LimitsEstimator;
 use crate::motion::{ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, VelocityReceiver};
@@ -44,6 +45,7 @@ use crate::waiting::{Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 pub(crate) use lagged::LAG_STEPS;
+pub use latency::{LATENCIES_MAX, LatencyEstimate, LatencyPrior};
 pub use mistakes::{CalibrationChanges, FoundMistake, MistakeReport};
 pub use placement::WheelPlacement;
 
@@ -101,6 +103,10 @@ pub struct Estimator {
     settings: Settings,
     next_grid: Option<LogTime>,
     waiting: Waiting,
+    /// Messages whose latencies are not known.
+    latencies: Vec<LatencyPrior>,
+    /// That of the last inertial reading.
+    imu_stream: Option<u8>,
     /// The source of GNSS attitude, after its first value.
     attitude_source: Option<SourceId>,
     column: SteeringColumn,
@@ -233,6 +239,8 @@ impl Estimator {
             settings,
             next_grid: None,
             waiting: Waiting::new(),
+            latencies: Vec::new(),
+            imu_stream: None,
             attitude_source: None,
             column: SteeringColumn::new(vehicle)?,
             readings: Readings::default(),
@@ -281,13 +289,28 @@ impl Estimator {
     /// Takes one sample. Samples that do not concern the estimator and values that no vehicle can
     /// have are ignored.
     pub fn push(&mut self, sample: &Sample) {
+        self.push_of(sample, None);
+    }
+
+    /// As [`push`](Self::push) with a sample of a message whose latency is not known: its place among those of
+    /// [`with_latencies`](Self::with_latencies).
+    pub fn push_of(&mut self, sample: &Sample, message: Option<usize>) {
         if let Some(planar) = &mut self.planar {
             planar.push(sample, &self.calibration, &self.settings);
         }
-        let time = sample.valid_time.min(sample.log_time);
+        let message = message.filter(|at| *at < self.latencies.len());
+        let valid = message.map_or(sample.valid_time, |at| {
+            sample.valid_time.offset_seconds(-self.learnt(at).0)
+        });
+        let time = valid.min(sample.log_time);
+        let stamp = |time| Stamp {
+            time,
+            // There are at most `LATENCIES_MAX`.
+            stream: message.and_then(|at| u8::try_from(at).ok()),
+        };
         let uses = |input| self.settings.uses(input);
         match &sample.measurement {
-            Measurement::Imu(imu) if uses(Input::Imu) => self.push_imu(time, imu),
+            Measurement::Imu(imu) if uses(Input::Imu) => self.push_imu(stamp(time), imu),
             Measurement::GnssVelocity(gnss) if uses(Input::GnssVelocity) => {
                 let time = match self.velocity_receiver(sample.source) {
                     VelocityReceiver::Own => {
@@ -296,37 +319,38 @@ impl Estimator {
                     VelocityReceiver::OfAttitude => time,
                 };
                 self.waiting
-                    .push(time, Held::Velocity(sample.source, *gnss));
+                    .push(stamp(time), Held::Velocity(sample.source, *gnss));
             }
             Measurement::GnssAttitude(gnss) if uses(Input::GnssAttitude) => {
                 let source = self.attitude_source.get_or_insert(sample.source);
                 *source = (*source).min(sample.source);
                 let time = time.offset_seconds(-self.calibration.attitude_latency_s);
-                self.waiting.push(time, Held::Attitude(*gnss));
+                self.waiting.push(stamp(time), Held::Attitude(*gnss));
             }
-            Measurement::Corner(corner) => self.waiting.push(time, Held::Corner(*corner)),
+            Measurement::Corner(corner) => self.waiting.push(stamp(time), Held::Corner(*corner)),
             Measurement::Steer(steer) if uses(Input::Steer) => {
                 let angle = steer.steering_wheel_rad - self.calibration.steer_offset_rad;
-                self.waiting.push(time, Held::SteeringWheel(angle));
+                self.waiting.push(stamp(time), Held::SteeringWheel(angle));
             }
             Measurement::WheelSpeed(speeds) if uses(Input::WheelSpeed) => {
                 let speeds = speeds.angular_speed_rad_s;
-                self.waiting.push(time, Held::WheelSpeed(speeds));
+                self.waiting.push(stamp(time), Held::WheelSpeed(speeds));
             }
             Measurement::Control(control) => {
                 if let Some(force_n) = control.hitch_force_n() {
-                    self.waiting.push(time, Held::HitchForce(force_n));
+                    self.waiting.push(stamp(time), Held::HitchForce(force_n));
                 }
                 if let Some(temperatures_c) = control.bridge_temperatures_c() {
                     self.waiting
-                        .push(time, Held::BridgeTemperature(temperatures_c));
+                        .push(stamp(time), Held::BridgeTemperature(temperatures_c));
                 }
                 if let Some(torques_n_m) = control.wheel_torques_n_m() {
-                    self.waiting.push(time, Held::WheelTorque(torques_n_m));
+                    self.waiting
+                        .push(stamp(time), Held::WheelTorque(torques_n_m));
                 }
             }
             Measurement::HubAcceleration(hub) if uses(Input::HubAcceleration) => {
-                self.waiting.push(time, Held::HubAcceleration(*hub));
+                self.waiting.push(stamp(time), Held::HubAcceleration(*hub));
             }
             _ => {}
         }

@@ -46,6 +46,7 @@ mod forms;
 mod inertial;
 mod joint;
 mod lag;
+mod latency;
 pub mod layout;
 mod lengths;
 mod live_axle;
@@ -83,6 +84,7 @@ use forms::CornerForms;
 use inertial::Balance;
 use joint::Joint;
 use lag::Lag;
+use latency::Latencies;
 use layout::{
     ACCEL_BIAS, BEFORE, BODY_RATE, FORCE, HUB_BIAS, LAGGED, LENGTH, MOMENT, RATE, SIZE, SPEED,
     State, TORQUE,
@@ -156,6 +158,7 @@ pub struct Fusion {
     related_age_s: f64,
     /// No channel is blamed alone: the configuration can be wrong.
     undecided: bool,
+    latencies: Latencies,
 }
 
 /// Input of one step.
@@ -181,6 +184,8 @@ pub struct StepInput<'a> {
     pub imu_m: Vector3<f64>,
     /// Gyro noise, rad/s, and accelerometer noise, m/s^2.
     pub imu_sigma: [f64; 2],
+    /// Message of the inertial unit, if its latency is not known.
+    pub imu_stream: Option<u8>,
     /// Axes of the inertial unit that are used.
     pub used: UsedAxes,
     /// A live axle now and a step before.
@@ -265,6 +270,8 @@ pub struct FusionTrace {
     pub state: SVector<f64, SIZE>,
     /// Covariances of [`OUTPUTS`] with all states.
     pub covariance: SMatrix<f64, { OUTPUTS.len() }, SIZE>,
+    /// Variances of [`OUTPUTS`] by latencies that are not known.
+    pub by_latency: [f64; OUTPUTS.len()],
 }
 
 impl Fusion {
@@ -322,6 +329,7 @@ impl Fusion {
             relations: Some(Box::default()),
             related: false,
             undecided: false,
+            latencies: Latencies::default(),
             related_age_s: tuning.mistakes.age_max_s,
             window_steps: (tuning.mistakes.window_s / crate::grid::GRID_S).round() as u32,
         };
@@ -389,7 +397,7 @@ impl Fusion {
         self.agreed = false;
         let inertial = input.motion.inertial && !self.settling();
         if inertial {
-            self.take_inertial(input, &model.balance);
+            self.take_inertial(input, &model);
         }
         self.blind = false;
         self.length_measured = [false; 4];
@@ -410,6 +418,7 @@ impl Fusion {
         if !self.settling() {
             self.learn_noise(&before);
         }
+        self.fold_latencies();
         self.watch_lengths(input.channels, changes);
         if !self.sound() {
             self.resets += 1;
@@ -556,6 +565,7 @@ impl Fusion {
                 sigma_n: std::array::from_fn(|axis| {
                     let variance = self.covariance.variance(at(axis)).max(0.0);
                     (variance
+                        + self.latencies.state_variance(at(axis))
                         + if axis == 0 {
                             unknown_n * unknown_n
                         } else {
@@ -582,6 +592,7 @@ impl Fusion {
             covariance: SMatrix::from_rows(
                 &OUTPUTS.map(|index| self.covariance.row(index).transpose()),
             ),
+            by_latency: OUTPUTS.map(|index| self.latencies.state_variance(index)),
         }
     }
 

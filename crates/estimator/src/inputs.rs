@@ -92,6 +92,21 @@ pub struct RangeFault {
     pub beyond: BeyondRange,
 }
 
+/// When a sample was true, and its message, if the latency of the message is not known.
+#[derive(Clone, Copy, Debug)]
+pub struct Stamp {
+    /// Time of validity.
+    pub time: LogTime,
+    /// Place of the message among those with unknown latencies.
+    pub stream: Option<u8>,
+}
+
+impl From<LogTime> for Stamp {
+    fn from(time: LogTime) -> Self {
+        Self { time, stream: None }
+    }
+}
+
 /// A value and when it was true.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
@@ -103,6 +118,8 @@ pub struct Reading {
     pub taken: bool,
     /// Number of readings whose mean it is.
     pub count: u32,
+    /// Its message, if the latency of the message is not known.
+    pub stream: Option<u8>,
 }
 
 impl Reading {
@@ -151,7 +168,7 @@ impl Readings {
     /// ignored.
     pub fn push_corner(
         &mut self,
-        time: LogTime,
+        stamp: Stamp,
         corner: &CornerSample,
         channels: &CornerChannels,
         use_strain: bool,
@@ -166,7 +183,7 @@ impl Readings {
                     ranges[i].0.push(*counts, channels.strain[i].adc_bits);
                 }
                 let value = counts.and_then(|counts| liveness[i].take(counts, &channels.strain[i]));
-                gather(&mut readings.strain[i], time, value);
+                gather(&mut readings.strain[i], stamp, value);
             }
         }
         if use_deflection {
@@ -177,7 +194,7 @@ impl Readings {
             let value = corner
                 .deflection_counts
                 .and_then(|counts| liveness[POTENTIOMETER].take(counts, &channels.deflection));
-            gather(&mut readings.compression_m, time, value);
+            gather(&mut readings.compression_m, stamp, value);
         }
     }
 
@@ -255,7 +272,7 @@ impl Readings {
     /// Takes the angular speed of one wheel.
     pub fn push_wheel_speed(&mut self, time: LogTime, wheel: Wheel, speed_rad_s: f64) {
         let good = (speed_rad_s.abs() < 1000.0).then_some(speed_rad_s);
-        replace(&mut self.wheel_speed_rad_s[wheel], time, good);
+        replace(&mut self.wheel_speed_rad_s[wheel], time.into(), good);
     }
 
     /// Takes drive and brake torques of the wheels, N m; `NaN` where there is none.
@@ -263,7 +280,7 @@ impl Readings {
         let held = self.torque_n_m.iter_mut().flatten();
         for (held, torque) in held.zip(torques_n_m.iter().flatten()) {
             if torque.is_finite() {
-                replace(held, time, Some(*torque));
+                replace(held, time.into(), Some(*torque));
             }
         }
     }
@@ -280,7 +297,7 @@ impl Readings {
     /// biases removed, m/s^2.
     pub fn push_hub_acceleration(
         &mut self,
-        time: LogTime,
+        stamp: Stamp,
         hub: &HubAccelerationSample,
         sensor: &HubSensor,
     ) -> [Option<f64>; 3] {
@@ -293,7 +310,7 @@ impl Readings {
                 axes[axis] = None;
             }
             let slot = &mut self.hub_acceleration_m_s2[hub.wheel][axis];
-            gather(slot, time, axes[axis]);
+            gather(slot, stamp, axes[axis]);
         }
         axes
     }
@@ -301,12 +318,13 @@ impl Readings {
     /// Takes a steering-wheel angle.
     pub fn push_steering_wheel(&mut self, time: LogTime, angle_rad: f64) {
         let good = (angle_rad.abs() < 50.0).then_some(angle_rad);
-        replace(&mut self.steering_wheel_rad, time, good);
+        replace(&mut self.steering_wheel_rad, time.into(), good);
     }
 }
 
 /// Replaces an earlier value by a later one.
-fn replace(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
+fn replace(slot: &mut Option<Reading>, stamp: Stamp, value: Option<f64>) {
+    let Stamp { time, stream } = stamp;
     let Some(value) = value.filter(|value| value.is_finite()) else {
         return;
     };
@@ -316,18 +334,20 @@ fn replace(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
             time,
             taken: false,
             count: 1,
+            stream,
         });
     }
 }
 
 /// Takes a value into the mean of those of the same step that no filter has used.
-fn gather(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
+fn gather(slot: &mut Option<Reading>, stamp: Stamp, value: Option<f64>) {
+    let Stamp { time, stream } = stamp;
     let waiting = slot.filter(|held| {
         let since_s = time.seconds_since(held.time);
         !held.taken && since_s > 0.0 && since_s < 0.6 * GRID_S
     });
     let (Some(held), Some(value)) = (waiting, value.filter(|value| value.is_finite())) else {
-        return replace(slot, time, value);
+        return replace(slot, stamp, value);
     };
     let count = held.count.saturating_add(1);
     let part = 1.0 / f64::from(count);
@@ -338,6 +358,7 @@ fn gather(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
             .offset_seconds(part * time.seconds_since(held.time)),
         taken: false,
         count,
+        stream,
     });
 }
 

@@ -57,7 +57,8 @@ pub use {model, sample};
 pub use calibration::Calibration;
 pub use error::EstimatorError;
 pub use estimator::{
-    CalibrationChanges, Estimator, FoundMistake, MistakeReport, Output, WheelPlacement,
+    CalibrationChanges, Estimator, FoundMistake, LATENCIES_MAX, LatencyEstimate, LatencyPrior,
+    MistakeReport, Output, WheelPlacement,
 };
 pub use grid::GRID_NANOS;
 pub use settings::{Input, Method, ModelFriction, Settings};

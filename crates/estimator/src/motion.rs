@@ -20,6 +20,7 @@ mod attitude;
 mod flow;
 pub mod history;
 mod jumps;
+mod latency;
 mod solution;
 mod update;
 
@@ -115,6 +116,8 @@ pub struct MotionFilter {
     /// Last yaw, pitch and roll of the receiver, and whether they were rejected.
     last_angles: [Option<f64>; 3],
     angles_rejected: [bool; 3],
+    /// Standard deviation of the latency of the next GNSS value, s.
+    latency_sigma_s: f64,
     /// Whether the balances of forces and moments confirm the inertial unit.
     imu_consistent: bool,
     resets: u32,
@@ -212,6 +215,7 @@ impl MotionFilter {
             attitude_acceptance: AcceptanceCounter::default(),
             last_angles: [None; 3],
             angles_rejected: [false; 3],
+            latency_sigma_s: 0.0,
             imu_consistent: false,
             resets: 0,
             innovations: InnovationTally::default(),

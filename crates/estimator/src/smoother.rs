@@ -224,7 +224,8 @@ fn put_forces(
             let force = &mut estimate.carrier.0[state / 3];
             let known = belief.covariance[(k, state)];
             force.force_n[state % 3] = value;
-            force.sigma_n[state % 3] = (known - shrinkage[(k, k)]).max(0.0).sqrt();
+            let variance = (known - shrinkage[(k, k)]).max(0.0) + belief.by_latency[k];
+            force.sigma_n[state % 3] = variance.sqrt();
         }
     }
 }

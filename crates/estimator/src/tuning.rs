@@ -12,6 +12,7 @@ mod corners;
 mod fusion;
 mod grip;
 mod inertial_forces;
+mod latency;
 mod limits;
 mod mistakes;
 mod motion;
@@ -28,6 +29,7 @@ pub use fusion::{
 };
 pub use grip::GripTuning;
 pub use inertial_forces::InertialForcesTuning;
+pub use latency::LatencyTuning;
 pub use limits::LimitsTuning;
 pub use mistakes::MistakeTuning;
 pub use motion::{AidingTuning, JumpTuning, MotionTuning, ReceiverTuning};
@@ -136,6 +138,7 @@ tuning! {
         group corners: CornerTuning;
         group fusion: FusionTuning;
         group mistakes: MistakeTuning;
+        group latency: LatencyTuning;
         group process_noise: ProcessNoiseTuning;
         group statics: StaticsTuning;
         group expected: ExpectedTuning;

@@ -6,6 +6,7 @@
 
 use std::cmp::Ordering;
 
+use crate::inputs::Stamp;
 use nalgebra::Vector3;
 use sample::{
     CornerSample, Counts, GnssAttitude, GnssVelocity, HubAccelerationSample, LogTime, PerWheel,
@@ -52,6 +53,8 @@ pub enum Held {
 pub struct Entry {
     /// Time of validity.
     pub time: LogTime,
+    /// Its message, if the latency of the message is not known.
+    pub stream: Option<u8>,
     /// Content.
     pub held: Held,
 }
@@ -134,9 +137,9 @@ impl Waiting {
     }
 
     /// Adds a sample. Samples beyond the capacity, tens of times what a rig sends, are dropped.
-    pub fn push(&mut self, time: LogTime, held: Held) {
+    pub fn push(&mut self, Stamp { time, stream }: Stamp, held: Held) {
         if self.entries.len() < CAPACITY {
-            self.entries.push(Entry { time, held });
+            self.entries.push(Entry { time, stream, held });
         }
     }
 

@@ -384,6 +384,18 @@ impl LogReader {
         Ok(engine::mistakes_as_json(&report).to_string())
     }
 
+    /// What `atvrec identify latency --json` prints.
+    fn latencies_json(&self, py: Python<'_>) -> PyResult<String> {
+        let reader = Arc::clone(&self.reader);
+        let found = interrupt::detached(py, move || {
+            let attachments = reader.attachments().map_err(engine::Error::from)?;
+            let config = engine::Config::from_attachments(&attachments)?;
+            engine::find_latencies(&reader, &config)
+        })?;
+        let found = found.map_err(|error| errors::engine(&error))?;
+        Ok(engine::latencies_as_json(&found).to_string())
+    }
+
     /// The numbers of `atvrec report --json`.
     fn report_json(&self, py: Python<'_>, smoothed: bool) -> PyResult<String> {
         let paths = self.paths.clone();

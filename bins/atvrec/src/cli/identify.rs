@@ -30,6 +30,11 @@ pub enum IdentifyCommand {
     /// The raw data is estimated again. Each mistake is compared with "all is as configured"; the ratio of their
     /// likelihoods over the drive decides.
     Mistakes(IdentifyMistakesArgs),
+    /// Latencies of messages: time from the sampling to the stamp.
+    ///
+    /// The raw data is estimated again. The latencies that the configuration gives a latency_sigma_s are found from
+    /// what the readings of each message lag behind the others.
+    Latency(IdentifyLatencyArgs),
     /// Longitudinal stiffness of the tyres (a start with much throttle and hard braking).
     Slip(IdentifyArgs),
     /// Tyre parameters, yaw inertia, gains and offsets for a car without suspension sensors.
@@ -59,6 +64,26 @@ pub struct IdentifyArgs {
     /// Seed of the bootstrap that gives the confidence intervals.
     #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
+}
+
+/// `atvrec identify latency`.
+#[derive(Debug, Args)]
+pub struct IdentifyLatencyArgs {
+    /// Logs of one run, in the order in which they were recorded.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Use this configuration instead of the one in the log.
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Write the configuration with the latencies to this TOML file.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// `atvrec identify mistakes`.

@@ -1,6 +1,7 @@
 //! `atvrec identify`: identify parameters of the vehicle from logs of drives.
 
 mod handling;
+mod latency;
 mod mistakes;
 mod outputs;
 
@@ -55,6 +56,7 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
         IdentifyCommand::Friction(args) => (in_drive(args, &Method::Friction)?, &args.output),
         IdentifyCommand::Slip(args) => (in_drive(args, &Method::Slip)?, &args.output),
         IdentifyCommand::Handling(args) => return handling::run(args),
+        IdentifyCommand::Latency(args) => return latency::run(args),
         IdentifyCommand::Mistakes(args) => return mistakes::run(args),
     };
     outputs.write(&found)?;

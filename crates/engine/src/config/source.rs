@@ -1,8 +1,10 @@
 //! `[source.<name>]`: a device or a bus.
 
 mod can;
+mod sync;
 
 use std::collections::HashSet;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Duration;
 
@@ -19,6 +21,9 @@ use super::roles::RoleOf;
 use crate::engine::{Scales, conversion};
 use model::file::{ErrorCollector, Field, Problem, Section, closest};
 
+/// Standard deviations that a latency can have, s: a reading that is older than 0.1 s is not used.
+pub(crate) const LATENCY_SIGMA_S: RangeInclusive<f64> = 0.0..=0.02;
+
 /// Names of the kinds of source in the file.
 const KINDS: [&str; 8] = [
     "can",
@@ -31,6 +36,8 @@ const KINDS: [&str; 8] = [
     "alog",
 ];
 
+pub use sync::SyncFrame;
+
 /// A source: how it is opened and how its bytes are decoded.
 #[derive(Clone, Debug)]
 pub struct Source {
@@ -42,6 +49,8 @@ pub struct Source {
     pub silent_after: Option<Duration>,
     /// Delay of the fastest message from its time of validity to its arrival, s.
     pub transport_delay_s: f64,
+    /// Its standard deviation, s; zero if it is known.
+    pub latency_sigma_s: f64,
 }
 
 /// How the bytes of a source are decoded.
@@ -93,6 +102,10 @@ pub struct CanMeaning {
     /// Time from the sampling of each message of each file to its arrival, s, where it is not that of the
     /// source.
     pub latencies_s: Vec<Vec<Option<f64>>>,
+    /// Standard deviation of each of these times, s, where it is not that of the source.
+    pub latency_sigmas_s: Vec<Vec<Option<f64>>>,
+    /// Frame that marks the sampling of messages.
+    pub sync: Option<SyncFrame>,
     /// Messages and other parts of the DBC files that are left out, and what is odd in the files.
     pub warnings: Vec<Problem>,
 }
@@ -116,6 +129,8 @@ impl CanMeaning {
         Self {
             names: names.collect(),
             latencies_s: databases.iter().map(none).collect(),
+            latency_sigmas_s: databases.iter().map(none).collect(),
+            sync: None,
             databases,
             roles,
             warnings: Vec::new(),
@@ -260,6 +275,7 @@ fn read(
     let silent_s = section.number_in("silent_after_s", 0.0..=3600.0, silent_default_s, collector);
     let latency = ["latency_s", "transport_delay_s"];
     let transport_delay_s = section.renamed_number_in(latency, 0.0..=10.0, 0.0, collector);
+    let latency_sigma_s = section.number_in("latency_sigma_s", LATENCY_SIGMA_S, 0.0, collector);
     section.finish(collector);
     Some(Source {
         spec: SourceSpec {
@@ -270,6 +286,7 @@ fn read(
         meaning: meaning?,
         silent_after: (silent_s > 0.0).then(|| Duration::from_secs_f64(silent_s)),
         transport_delay_s,
+        latency_sigma_s,
     })
 }
 

@@ -46,6 +46,7 @@ pub struct CanDecoder {
     parts: Parts,
     /// J1939 messages of several frames.
     transport: Transport,
+    sync: Option<Sync>,
 }
 
 /// What turns signals into measurements, beside the DBC files.
@@ -105,6 +106,19 @@ struct Plan {
     signals: Vec<SignalPlan>,
     /// Latency, s, where it is not that of the source.
     latency_s: Option<f64>,
+    /// Its place among the messages whose latencies are not known.
+    uncertain: Option<usize>,
+    /// Whether the sync frame marks its sampling.
+    is_marked: bool,
+}
+
+/// The frame that marks the sampling of messages.
+struct Sync {
+    id: (u32, bool),
+    offset_s: f64,
+    within_ns: i64,
+    /// When the last one was on the bus.
+    last: Option<LogTime>,
 }
 
 struct SignalPlan {
@@ -181,6 +195,8 @@ impl Plan {
             name: name.into(),
             signals: signals.collect(),
             latency_s,
+            uncertain: None,
+            is_marked: false,
         }
     }
 }
@@ -196,6 +212,8 @@ pub struct Arrived {
     pub latency_s: f64,
     /// How late the frame is by its stamps, or by the rate of its identifier, ns.
     pub late_ns: i64,
+    /// When the sync frame says that the message was sampled.
+    pub sampled: Option<LogTime>,
 }
 
 impl Arrived {
@@ -210,11 +228,15 @@ impl Arrived {
         }
     }
 
-    /// Time of a frame.
+    /// When the frame was on the bus.
+    fn on_bus(&self) -> LogTime {
+        self.log_time.offset_nanos(-self.late_ns)
+    }
+
+    /// When the message was sampled.
     fn instant(&self) -> LogTime {
-        self.log_time
-            .offset_nanos(-self.late_ns)
-            .offset_seconds(-self.latency_s)
+        self.sampled
+            .unwrap_or_else(|| self.on_bus().offset_seconds(-self.latency_s))
     }
 }
 
@@ -251,30 +273,63 @@ impl CanDecoder {
                 parts.expect(quantity);
             }
         }
+        if let Some(sync) = &meaning.sync {
+            for (decodable, marks) in databases.iter_mut().zip(&sync.marks) {
+                for (plan, is_marked) in decodable.plans.iter_mut().zip(marks) {
+                    plan.is_marked = *is_marked;
+                }
+            }
+        }
         Self {
             databases,
             scales,
             parts,
             transport: Transport::default(),
+            sync: meaning.sync.as_ref().map(|sync| Sync {
+                id: sync.id,
+                offset_s: sync.offset_s,
+                within_ns: i64::try_from(sync.within.as_nanos()).unwrap_or(i64::MAX),
+                last: None,
+            }),
         }
     }
 
-    /// Decodes a frame, and the message that it completes, and appends the samples.
-    pub fn push(&mut self, arrived: &Arrived, frame: &CanFrame, sink: &mut Vec<Sample>) {
-        if frame.flags.error || frame.flags.remote {
-            return;
+    /// The latency of this message is not known: samples of it belong to this place.
+    pub fn set_uncertain(&mut self, [database, message]: [usize; 2], place: usize) {
+        let decodable = self.databases.get_mut(database);
+        if let Some(plan) = decodable.and_then(|decodable| decodable.plans.get_mut(message)) {
+            plan.uncertain = Some(place);
         }
-        self.decode(arrived, frame, frame.id, frame.bytes(), sink);
+    }
+
+    /// Decodes a frame, and the message that it completes, and appends the samples. Returns the place of the message
+    /// among those whose latencies are not known, if it is one of them.
+    pub fn push(
+        &mut self,
+        arrived: &Arrived,
+        frame: &CanFrame,
+        sink: &mut Vec<Sample>,
+    ) -> Option<usize> {
+        if frame.flags.error || frame.flags.remote {
+            return None;
+        }
+        if let Some(sync) = &mut self.sync
+            && sync.id == (frame.id, frame.flags.extended)
+        {
+            sync.last = Some(arrived.on_bus());
+        }
+        let mut uncertain = self.decode(arrived, frame, frame.id, frame.bytes(), sink);
         let is_extended = frame.flags.extended;
         if is_extended && parameter_group(frame.id) == j1939::DM1 {
             self.diagnose(arrived, frame, frame.id, frame.bytes(), sink);
         }
         if let Some(whole) = self.transport.push(frame, arrived.log_time.0) {
-            self.decode(arrived, frame, whole.id, &whole.data, sink);
+            uncertain = (self.decode(arrived, frame, whole.id, &whole.data, sink)).or(uncertain);
             if parameter_group(whole.id) == j1939::DM1 {
                 self.diagnose(arrived, frame, whole.id, &whole.data, sink);
             }
         }
+        uncertain
     }
 
     /// Appends the active trouble codes of a sender, unless a DBC file has their message.
@@ -320,7 +375,17 @@ impl CanDecoder {
         ));
     }
 
-    /// Decodes the data of an identifier, which a frame completed.
+    /// When the sync frame says that a message was sampled.
+    fn sampled(&self, arrived: &Arrived) -> Option<LogTime> {
+        let sync = self.sync.as_ref()?;
+        let since_ns = arrived.on_bus() - sync.last?;
+        let sampled = sync.last?.offset_seconds(sync.offset_s);
+        (0..=sync.within_ns)
+            .contains(&since_ns)
+            .then(|| sampled.min(arrived.log_time))
+    }
+
+    /// Decodes the data of an identifier, which a frame completed. Returns the same as [`push`](Self::push).
     fn decode(
         &mut self,
         arrived: &Arrived,
@@ -328,17 +393,17 @@ impl CanDecoder {
         id: u32,
         data: &[u8],
         sink: &mut Vec<Sample>,
-    ) {
+    ) -> Option<usize> {
         let found = self.databases.iter().find_map(|decodable| {
             let position = decodable.database.position(id, frame.flags.extended)?;
             let message = &decodable.database.messages()[position];
             Some((message, &decodable.plans[position]))
         });
-        let Some((message, plan)) = found else {
-            return;
-        };
+        let (message, plan) = found?;
+        let uncertain = plan.uncertain;
         let arrived = Arrived {
             latency_s: plan.latency_s.unwrap_or(arrived.latency_s),
+            sampled: plan.is_marked.then(|| self.sampled(arrived)).flatten(),
             ..*arrived
         };
         let mut emit = |measurement| sink.push(arrived.sample(frame, measurement));
@@ -378,6 +443,7 @@ impl CanDecoder {
                 angular_speed_rad_s: measured.speeds_rad_s,
             }));
         }
+        uncertain
     }
 }
 

@@ -46,6 +46,10 @@ pub struct SourceState {
     limit_ns: i64,
     /// Samples of the last arrival whose messages were later, by their places among its samples.
     too_late: Vec<usize>,
+    /// Place among the latencies that are not known, of a source that has no messages.
+    uncertain: Option<usize>,
+    /// The same of each sample of the last arrival; empty if all latencies are known.
+    uncertain_of: Vec<Option<usize>>,
     /// Messages by name.
     named: MessageCounts,
     /// Data of a source from which nothing was understood so far.
@@ -155,10 +159,30 @@ impl SourceState {
             late: Lateness::default(),
             limit_ns: 0,
             too_late: Vec::new(),
+            uncertain: None,
+            uncertain_of: Vec::new(),
             named: MessageCounts::default(),
             unread: Unread::default(),
             kind: source.meaning.kind(),
         })
+    }
+
+    /// The latency of this source, or of one of its messages, is not known.
+    pub fn set_uncertain(&mut self, message: Option<[usize; 2]>, place: usize) {
+        match (&mut self.decoder, message) {
+            (Decoder::Can(decoder), Some(message)) => decoder.set_uncertain(message, place),
+            _ => self.uncertain = Some(place),
+        }
+    }
+
+    /// Number of the source.
+    pub const fn id(&self) -> SourceId {
+        self.id
+    }
+
+    /// Place of a sample of the last arrival among the latencies that are not known.
+    pub fn uncertain(&self, sample: usize) -> Option<usize> {
+        self.uncertain_of.get(sample).copied().flatten()
     }
 
     /// Name in the configuration.
@@ -176,6 +200,7 @@ impl SourceState {
     pub fn push(&mut self, arrival: &Arrival, limit_ns: i64, sink: &mut Vec<Sample>) {
         self.limit_ns = limit_ns;
         self.too_late.clear();
+        self.uncertain_of.clear();
         let log_time = arrival.log_time;
         match &arrival.payload {
             Payload::Bytes(bytes) => {
@@ -204,11 +229,18 @@ impl SourceState {
             log_time: arrival.log_time,
             latency_s: self.timing.transport_delay_s,
             late_ns: 0,
+            sampled: None,
         };
         if let Decoder::Can(decoder) = &mut self.decoder {
             for frame in frames {
                 let late_ns = match (frame.kernel_ns, frame.hardware_ns) {
-                    (Some(kernel_ns), _) => kernel_delay_ns(arrival.realtime_ns, kernel_ns),
+                    (Some(kernel_ns), stamp_ns) => {
+                        let delay_ns = kernel_delay_ns(arrival.realtime_ns, kernel_ns);
+                        let stamped = arrival.log_time.offset_nanos(-delay_ns);
+                        // The adapter's own stamp does not contain the delay until the kernel sees the frame.
+                        let device = stamp_ns.map(DeviceTime::AdapterNanos);
+                        arrival.log_time - self.timing.tag(device, false, stamped)
+                    }
                     (None, stamp_ns) => {
                         let now = arrival.log_time;
                         let coarse = stamp_ns.map(|ns| self.adapter.lateness_ns(now, ns));
@@ -217,7 +249,11 @@ impl SourceState {
                 };
                 let is_too_late = self.late.count(late_ns, self.limit_ns);
                 let before = sink.len();
-                decoder.push(&Arrived { late_ns, ..arrived }, frame, sink);
+                let place = decoder.push(&Arrived { late_ns, ..arrived }, frame, sink);
+                if place.is_some() || !self.uncertain_of.is_empty() {
+                    self.uncertain_of.resize(before, None);
+                    self.uncertain_of.resize(sink.len(), place);
+                }
                 if is_too_late {
                     self.too_late.extend(before..sink.len());
                 }
@@ -275,6 +311,9 @@ impl SourceState {
             (Decoder::Alog(decoder), Some(bytes)) => decoder.push(bytes, deliver),
             (Decoder::Alog(decoder), None) => decoder.finish(deliver),
             (_, None) | (Decoder::Can(_), _) => {}
+        }
+        if self.uncertain.is_some() {
+            self.uncertain_of.resize(sink.len(), self.uncertain);
         }
         if self.named.understood() > 0 {
             self.unread.clear();

@@ -94,7 +94,7 @@ impl Stream {
 
 /// Something that the estimator gets.
 enum Input {
-    Sample(Sample),
+    Sample(Sample, Option<usize>),
     Mark(String),
 }
 
@@ -212,16 +212,17 @@ impl Timely {
 
     /// As [`Estimator::push`]. A sample that is later than the limit is not used. `is_too_late` says it of
     /// the samples whose time of validity does not show it: GNSS has latencies that change.
-    pub fn push(&mut self, sample: &Sample, is_too_late: bool) {
+    /// `message` is its place among the messages whose latencies are not known.
+    pub fn push(&mut self, sample: &Sample, message: Option<usize>, is_too_late: bool) {
         let Some(kind) = kind(&sample.measurement) else {
             if is_too_late {
                 return;
             }
             if let Some(point) = &mut self.point {
-                let input = Input::Sample(sample.clone());
+                let input = Input::Sample(sample.clone(), message);
                 point.inputs.push((sample.log_time, input));
             }
-            return self.estimator.push(sample);
+            return self.estimator.push_of(sample, message);
         };
         let stream = self.streams.entry((sample.source, kind));
         let late_ns = stream
@@ -236,11 +237,12 @@ impl Timely {
         }
         if let Some(point) = &mut self.point {
             let due = sample.log_time.offset_nanos(-late_ns);
-            point.inputs.push((due, Input::Sample(sample.clone())));
+            let input = Input::Sample(sample.clone(), message);
+            point.inputs.push((due, input));
             let missed = self.next.map(|next| next - due);
             self.is_due |= missed.is_some_and(|ns| ns > GRID_NANOS.cast_signed() - HOLD_NS);
         }
-        self.estimator.push(sample);
+        self.estimator.push_of(sample, message);
     }
 
     fn jump(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
@@ -339,7 +341,7 @@ impl Timely {
     /// Gives an input to the estimator, and keeps it if the steps after it may be repeated.
     fn give(&mut self, due: LogTime, input: Input) {
         match &input {
-            Input::Sample(sample) => self.estimator.push(sample),
+            Input::Sample(sample, message) => self.estimator.push_of(sample, *message),
             // The first time has reported an error.
             Input::Mark(text) => drop(self.estimator.mark(text)),
         }

@@ -7,15 +7,15 @@ use super::events::hub_event;
 use super::monitors::report;
 use super::{Estimator, Output};
 use crate::grid::GRID_S;
-use crate::inputs::finite3;
+use crate::inputs::{Stamp, finite3};
 use crate::motion::VelocityReceiver;
 use crate::triads::Triads;
 use crate::waiting::Held;
 
 impl Estimator {
-    pub(super) fn push_imu(&mut self, time: LogTime, imu: &ImuSample) {
+    pub(super) fn push_imu(&mut self, stamp: Stamp, imu: &ImuSample) {
         if !imu.valid {
-            self.waiting.push(time, Held::NoInertial);
+            self.waiting.push(stamp, Held::NoInertial);
             return;
         }
         let (Some(force), Some(rate)) = (
@@ -30,17 +30,18 @@ impl Estimator {
             force: c.body_from_imu * (scale * force - c.accel_bias_m_s2),
             rate: c.body_from_imu * (rate - c.gyro_bias_rad_s),
         };
-        self.waiting.push(time, held);
+        self.waiting.push(stamp, held);
     }
 
     pub(super) fn take_inertial(
         &mut self,
-        time: LogTime,
+        Stamp { time, stream }: Stamp,
         force: Vector3<f64>,
         rate: Vector3<f64>,
         now: LogTime,
         out: &mut impl FnMut(Output),
     ) {
+        self.imu_stream = stream;
         let ahead_s = time.seconds_since(now) + GRID_S;
         let fusion = self.fusion.as_ref();
         let expected = fusion.map_or_else(Triads::default, |fusion| {
@@ -98,7 +99,7 @@ impl Estimator {
 
     pub(super) fn take_hub_acceleration(
         &mut self,
-        time: LogTime,
+        stamp: Stamp,
         hub: &HubAccelerationSample,
         now: LogTime,
         out: &mut impl FnMut(Output),
@@ -106,10 +107,10 @@ impl Estimator {
         let Some(sensor) = &self.calibration.hubs[hub.wheel] else {
             return;
         };
-        let axes_m_s2 = self.readings.push_hub_acceleration(time, hub, sensor);
+        let axes_m_s2 = self.readings.push_hub_acceleration(stamp, hub, sensor);
         let tuning = &self.monitors.tuning.hub;
         let mut changes = |wheel, wrong| out(Output::Event(hub_event(now, wheel, wrong)));
-        (self.monitors.hub).judge(time, hub.wheel, axes_m_s2, tuning, &mut changes);
+        (self.monitors.hub).judge(stamp.time, hub.wheel, axes_m_s2, tuning, &mut changes);
     }
 
     /// The antenna of a source's velocity: the receiver of attitude has an antenna of its own.

@@ -13,7 +13,7 @@ use crate::fusion::{Fusion, StepInput};
 use crate::gaussian::Gaussian;
 use crate::grid::GRID_S;
 use crate::grip::GripInput;
-use crate::inputs::Readings;
+use crate::inputs::{Readings, Stamp};
 use crate::kinematics;
 use crate::lift::LiftInput;
 use crate::motion::MotionState;
@@ -67,7 +67,8 @@ impl Estimator {
 
     fn take_waiting(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         self.waiting.sort();
-        while let Some(Entry { time, held }) = self.waiting.take() {
+        while let Some(Entry { time, stream, held }) = self.waiting.take() {
+            let stamp = Stamp { time, stream };
             let fresh = now.seconds_since(time) <= self.settings.tuning.fresh_s;
             match held {
                 Held::Corner(_)
@@ -77,17 +78,23 @@ impl Estimator {
                 | Held::WheelTorque(_)
                 | Held::HubAcceleration(..)
                     if !fresh => {}
-                Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
+                Held::Inertial { force, rate } => self.take_inertial(stamp, force, rate, now, out),
                 Held::NoInertial => self.take_invalid_inertial(now, out),
                 Held::Velocity(source, gnss) => {
+                    self.motion
+                        .set_latency_sigma_s(self.latency_sigma_s(stream));
                     self.take_velocity(time, source, &gnss, now, out);
                 }
-                Held::Attitude(gnss) => self.take_attitude(time, &gnss, now, out),
+                Held::Attitude(gnss) => {
+                    self.motion
+                        .set_latency_sigma_s(self.latency_sigma_s(stream));
+                    self.take_attitude(time, &gnss, now, out);
+                }
                 Held::Corner(corner) => {
                     let watch = self.mistakes.as_ref();
                     let corner = watch.map_or(corner, |watch| watch.routed(&corner));
                     self.readings.push_corner(
-                        time,
+                        stamp,
                         &corner,
                         &self.calibration.corners[corner.wheel],
                         self.settings.uses(Input::Strain),
@@ -96,7 +103,7 @@ impl Estimator {
                 }
                 Held::SteeringWheel(angle) => self.take_steering_wheel(time, angle, now, out),
                 Held::HubAcceleration(hub) => {
-                    self.take_hub_acceleration(time, &hub, now, out);
+                    self.take_hub_acceleration(stamp, &hub, now, out);
                 }
                 Held::HitchForce(force_n) => self.readings.hitch_n = Some((time, force_n)),
                 Held::BridgeTemperature(temperatures_c) => {
@@ -233,6 +240,7 @@ impl Estimator {
                 expected,
                 imu_m: self.calibration.imu_m,
                 imu_sigma: self.imu_sigma,
+                imu_stream: self.imu_stream,
                 used: self.monitors.inertial.used(),
                 axle: corners.live_axle(),
                 turn_over_ground: corners.turn_over_ground(),

@@ -3,8 +3,9 @@
 use sample::{InnovationKind, StrainChannel};
 
 use super::forms::{AT_LENGTH, Back, CornerForms, Form, MEASURED, measured_states};
-use super::joint::{Joint, NO_OWN, Rows};
+use super::joint::{Joint, NO_OWN, Rows, TOGETHER};
 use super::lag::Unlagged;
+use super::latency::{Ageing, AgeingRows};
 use super::layout::{FORCE, HUB_BIAS, LENGTH_ERROR, OFFSET};
 use super::{Change, ChannelChange, Fusion, StepInput, StepModel};
 use crate::corners::KnownLinkage;
@@ -69,6 +70,25 @@ impl CornerMeasurements {
             is_split: true,
         }
     }
+
+    /// Adds how its rows change with their age.
+    pub(super) fn add_ageing(&self, rows: &mut AgeingRows) {
+        let of = |row: &Option<RowMeasurement>| row.and_then(|row| row.ageing);
+        let places = self.places;
+        if self.length.is_some() {
+            rows[places.length] = of(&self.length);
+        }
+        for (m, strain) in places.strain.into_iter().zip(&self.strain) {
+            if strain.is_some() {
+                rows[m] = of(strain);
+            }
+        }
+        for (axis, hub) in self.hub.iter().enumerate() {
+            if hub.is_some() {
+                rows[places.hub + axis] = of(hub);
+            }
+        }
+    }
 }
 
 /// Measured value of a row.
@@ -79,6 +99,8 @@ pub(super) struct RowMeasurement {
     pub(super) variance: f64,
     /// Standard deviation of the model, which is adapted.
     pub(super) tolerance: f64,
+    /// How it changes with its age, if the latency of its message is not known.
+    pub(super) ageing: Option<Ageing>,
 }
 
 /// Fewest axial channels with a recent reading that measure the forces of a corner or of a live axle.
@@ -131,6 +153,12 @@ impl Fusion {
             }
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
+        if !self.settling() {
+            let mut ageing = [None; TOGETHER];
+            measured.add_ageing(&mut ageing);
+            self.latencies
+                .take(&rows.view(), &joint, &self.covariance, &ageing);
+        }
         if !strained {
             self.blind = true;
             self.take_expected(input, wheel);
@@ -151,9 +179,13 @@ impl Fusion {
             let age = self.age_s(input, &read);
             let mut form = Form::default();
             form.gains[AT_LENGTH] = 1.0;
+            let ageing = self.ageing(read.stream, |more_s| {
+                let form = forms.ago(&form, Back::at(age + more_s));
+                form.value(wheel, &self.state)
+            });
             let form = forms.ago(&form, Back::at(age));
             rows.set(LENGTH_ROW, form.gains, (LENGTH_ERROR + wheel, -1.0));
-            length = Some(self.length_measurement(input, wheel, &read, form.constant));
+            length = Some(self.length_measurement(input, wheel, &read, form.constant, ageing));
         }
         let (strain, alive) = self.measure_strain(input, forms, wheel, readings, &mut rows);
         let measured = CornerMeasurements {
@@ -173,12 +205,14 @@ impl Fusion {
         wheel: usize,
         read: &Reading,
         constant: f64,
+        ageing: Option<Ageing>,
     ) -> RowMeasurement {
         let noise = 1e3 * input.channels.0[wheel].deflection.noise_sigma;
         RowMeasurement {
             value: 1e3 * read.value - constant,
-            variance: noise * noise / f64::from(read.count),
+            variance: noise * noise / f64::from(read.count) + self.latencies.variance(ageing),
             tolerance: 0.0,
+            ageing,
         }
     }
 
@@ -252,16 +286,21 @@ impl Fusion {
             let reading = *reading;
             let c = &input.channels.0[wheel].strain[i];
             let (unlagged, back) = self.unlag(input, wheel, i, &reading);
-            let form = if axial {
-                forms.member(i, back.mean_s)
-            } else {
+            let linked = |back: Back| {
+                if axial {
+                    return forms.member(i, back.mean_s);
+                }
                 let statics = &corner.statics;
                 let form = forms.strut.times(arm * statics.ball_normal_per_strut);
                 let mut form = form.plus(arm * corner.travel.ball_normal, &forms.acceleration);
                 form.constant += arm * statics.ball_normal_offset_n;
                 form
             };
-            let form = forms.ago(&form, back);
+            let ageing = self.ageing(reading.stream, |more_s| {
+                let back = back.earlier(more_s);
+                forms.ago(&linked(back), back).value(wheel, &self.state)
+            });
+            let form = forms.ago(&linked(back), back);
             let own = if axial {
                 (OFFSET + 5 * wheel + i, 1.0)
             } else {
@@ -276,8 +315,9 @@ impl Fusion {
             };
             Some(RowMeasurement {
                 value: unlagged.value - form.constant,
-                variance: noise + extra,
+                variance: noise + extra + self.latencies.variance(ageing),
                 tolerance,
+                ageing,
             })
         });
         (strain, alive)
@@ -313,15 +353,21 @@ impl Fusion {
             let reading = *reading;
             let unlagged = self.hub_lag[wheel][axis].invert(&reading, lag_s);
             let back = unlagged.delay.earlier(self.age_s(input, &reading));
-            let form = forms.ago(&forms.acceleration.times(unit[axis]), back);
+            let along = forms.acceleration.times(unit[axis]);
+            let ageing = self.ageing(reading.stream, |more_s| {
+                let form = forms.ago(&along, back.earlier(more_s));
+                form.value(wheel, &self.state)
+            });
+            let form = forms.ago(&along, back);
             let own = (HUB_BIAS + 3 * wheel + axis, 1.0);
             rows.set(HUB + axis, form.gains, own);
             let bent = t.bend_part * unlagged.bend;
             let noise = unlagged.noise * hub.noise_sigma_m_s2 * hub.noise_sigma_m_s2 + bent * bent;
             Some(RowMeasurement {
                 value: unlagged.value - form.constant - still[axis],
-                variance: noise + floor,
+                variance: noise + floor + self.latencies.variance(ageing),
                 tolerance: 0.0,
+                ageing,
             })
         })
     }
@@ -527,6 +573,9 @@ impl Fusion {
             self.take(&mut joint, axis, expected[axis], variance, f64::INFINITY);
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
+        let known = [None; TOGETHER];
+        self.latencies
+            .take(&rows.view(), &joint, &self.covariance, &known);
     }
 }
 

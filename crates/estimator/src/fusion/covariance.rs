@@ -188,6 +188,11 @@ impl Covariance {
         Joint::new(view.times(state), between)
     }
 
+    /// P h' of a taken row after [`Covariance::apply`], without the rows taken before it.
+    pub fn projected(&self, row: usize) -> &[f64] {
+        &self.projected[row][..SIZE]
+    }
+
     /// Corrects state and covariance by the taken rows of the last projection.
     pub fn apply<const K: usize>(&mut self, rows: &Rows<K>, joint: &Joint, state: &mut State) {
         if joint.taken.iter().all(Option::is_none) {

@@ -8,10 +8,11 @@ use crate::feedback::BodyMotionEstimate;
 use crate::gaussian::within;
 
 use super::forms::{CornerForms, Coupled, corner_states};
-use super::joint::{Joint, Rows};
+use super::joint::{Joint, Rows, TOGETHER};
+use super::latency::Ageing;
 use super::layout::{ACCEL_BIAS, BALANCED, BODY_RATE, FORCE, MOMENT, RATE};
 use super::moments::KnownMoment;
-use super::{Fusion, MOMENT_AXES, SIZE, StepInput, carrier};
+use super::{Fusion, MOMENT_AXES, SIZE, StepInput, StepModel, carrier};
 
 /// Rows of the inertial unit: all forces, their rates, moments, struts and torques, the first states.
 type InertialRows = Rows<BALANCED>;
@@ -131,14 +132,25 @@ impl Fusion {
     /// times noisier than the accelerometers. If the upward axis contradicts the loads of wheels whose
     /// struts are measured, the vehicle is held by something else. Then the other accelerometers are
     /// not used, and only the gyros measure the angular rate.
-    pub(super) fn take_inertial(&mut self, input: &StepInput<'_>, balance: &Balance) -> bool {
+    pub(super) fn take_inertial(&mut self, input: &StepInput<'_>, model: &StepModel) -> bool {
+        let balance = &model.balance;
         let rows = self.inertial_rows(input, balance);
+        let [force_ageing, turn_ageing] = self.inertial_ageing(input, model);
         let mut joint = self.covariance.project(&rows, &self.state);
-        let agrees = self.take_accelerometers(input, balance, &rows, &mut joint);
+        let agrees = self.take_accelerometers(input, balance, &rows, &mut joint, &force_ageing);
         self.agreed = agrees && input.used.force == [true; 3];
-        let wrong_rate = self.take_gyros(input, balance, &mut joint);
+        let wrong_rate = self.take_gyros(input, balance, &mut joint, &turn_ageing);
         self.take_rate_over_ground(input, balance, &mut joint);
         self.covariance.apply(&rows, &joint, &mut self.state);
+        if !self.settling() {
+            let mut ageing = [None; TOGETHER];
+            for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
+                ageing[m] = force_ageing[axis];
+                ageing[GYRO + axis] = turn_ageing[axis].filter(|_| input.used.rate[axis]);
+            }
+            self.latencies
+                .take(&rows.view(), &joint, &self.covariance, &ageing);
+        }
         for (axis, square) in wrong_rate
             .into_iter()
             .enumerate()
@@ -203,6 +215,7 @@ impl Fusion {
         balance: &Balance,
         rows: &InertialRows,
         joint: &mut Joint,
+        ageing: &[Option<Ageing>; 3],
     ) -> bool {
         let t = self.tuning.balance;
         let t_road = self.tuning.force_noise.road_sum;
@@ -216,6 +229,7 @@ impl Fusion {
         let unposed = !input.corners.iter().any(is_posed);
         let mut agrees = true;
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
+            let variance = variance + self.latencies.variance(ageing[axis]);
             self.accel_variance[axis] = (joint.variance(m) + variance) / (mass * mass);
             if !input.used.force[axis] {
                 continue;
@@ -260,6 +274,7 @@ impl Fusion {
         input: &StepInput<'_>,
         balance: &Balance,
         joint: &mut Joint,
+        ageing: &[Option<Ageing>; 3],
     ) -> [f64; 3] {
         let gate_sigma = self.tuning.gate_sigma;
         let age = input.motion.inertial_age_s.max(0.0);
@@ -273,7 +288,8 @@ impl Fusion {
             // The reading itself: the motion's rate is extrapolated to the present.
             let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
             let value = read + age * balance.turn[axis].constant;
-            let innovation = self.take(joint, GYRO + axis, value, gyro * gyro, gate_sigma);
+            let variance = gyro * gyro + self.latencies.variance(ageing[axis]);
+            let innovation = self.take(joint, GYRO + axis, value, variance, gate_sigma);
             self.count(InnovationKind::Gyro, innovation, gate_sigma);
             let agrees = within(gate_sigma, innovation, 1.0);
             self.agreed &= agrees;

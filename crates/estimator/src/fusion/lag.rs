@@ -91,6 +91,7 @@ mod tests {
                 value: through,
                 taken: false,
                 count: 1,
+                stream: None,
             };
             bends.push(lag.invert(&reading, tau_s).bend.round());
         }

@@ -16,9 +16,10 @@ use super::forms::{
     AT_LENGTH, AT_SPEED, AT_STRUT, AT_TORQUE, Back, CORNER, CornerForms, Coupled, MEASURED,
     measured_states, wrench_gains,
 };
-use super::joint::Rows;
+use super::joint::{Rows, TOGETHER};
 use super::lag::Unlagged;
-use super::layout::{LENGTH_ERROR, OFFSET, TORQUE};
+use super::latency::Ageing;
+use super::layout::{LENGTH_ERROR, OFFSET, State, TORQUE};
 use super::moments::KnownMoment;
 use super::propagation::Moving;
 use super::{ChannelChange, Fusion, StepInput, carrier};
@@ -335,6 +336,13 @@ pub(super) fn offset_sigmas(channels: &PerWheel<CornerChannels>, wheel: usize) -
     sigmas
 }
 
+/// Value of a row's form in a state, without the row's own state and the self-stress.
+fn value((gains, constant): &([f64; SHARED], f64), state: &State) -> f64 {
+    let states = WHEELS.map(measured_states);
+    let terms = states.as_flattened().iter().zip(gains);
+    terms.map(|(i, gain)| gain * state[*i]).sum::<f64>() + constant
+}
+
 /// Link of a strain channel.
 fn link_of(side: usize, channel: usize) -> Option<usize> {
     match (channel, side) {
@@ -405,6 +413,7 @@ impl Fusion {
         let sigma_n = self.tuning.force_start_sigma_n;
         self.state[SELF_STRESS] = 0.0;
         self.covariance.forget(SELF_STRESS, sigma_n * sigma_n);
+        self.latencies.forget_effect(SELF_STRESS);
         let [left, right] = [0, 1].map(|side| measured_states(axle.wheels[side]));
         let mut rows = AxleRows::new(std::array::from_fn(|k| match k.checked_sub(MEASURED) {
             None => left[k],
@@ -450,6 +459,14 @@ impl Fusion {
             }
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
+        if !self.settling() {
+            let mut ageing = [None; TOGETHER];
+            for of_wheel in &measured {
+                of_wheel.add_ageing(&mut ageing);
+            }
+            self.latencies
+                .take(&rows.view(), &joint, &self.covariance, &ageing);
+        }
         self.blind |= !strained;
         for (side, of_wheel) in measured.iter().enumerate() {
             if !strained || !of_wheel.is_split {
@@ -473,10 +490,14 @@ impl Fusion {
         if let Some(read) = input.corners[wheel].length_read {
             let mut form = AxleForm::default();
             form.gains[side][AT_LENGTH] = 1.0;
-            let (gains, constant) = axle.ago(&form, Back::at(self.age_s(input, &read)));
+            let back = Back::at(self.age_s(input, &read));
+            let ageing = self.ageing(read.stream, |more_s| {
+                value(&axle.ago(&form, back.earlier(more_s)), &self.state)
+            });
+            let (gains, constant) = axle.ago(&form, back);
             let own = (LENGTH_ERROR + wheel, -1.0);
             rows.set(places.length, gains, own);
-            measured.length = Some(self.length_measurement(input, wheel, &read, constant));
+            measured.length = Some(self.length_measurement(input, wheel, &read, constant, ageing));
         }
         let mut bent = 0;
         for channel in StrainChannel::ALL {
@@ -497,11 +518,15 @@ impl Fusion {
             }
             let reading = *reading;
             let (unlagged, back) = self.unlag(input, wheel, i, &reading);
-            let form = match (link, bending) {
+            let linked = |back: Back| match (link, bending) {
                 (Some(link), _) => axle.link(link, back.mean_s),
                 (None, k) => axle.bending(side, k.unwrap_or(0), back.mean_s),
             };
-            let (mut gains, constant) = axle.ago(&form, back);
+            let ageing = self.ageing(reading.stream, |more_s| {
+                let back = back.earlier(more_s);
+                value(&axle.ago(&linked(back), back), &self.state)
+            });
+            let (mut gains, constant) = axle.ago(&linked(back), back);
             let offset = match (link, bending) {
                 (Some(link), _) => {
                     gains[SHARED - 1] = axle.self_stress[link];
@@ -511,7 +536,7 @@ impl Fusion {
             };
             rows.set(places.strain[i], gains, (OFFSET + 5 * wheel + offset, 1.0));
             measured.strain[i] =
-                Some(self.axle_measurement(input, [wheel, i], &unlagged, constant));
+                Some(self.axle_measurement(input, [wheel, i], &unlagged, constant, ageing));
         }
         measured.is_split = bent == BENDING.len();
         measured
@@ -523,6 +548,7 @@ impl Fusion {
         [wheel, i]: [usize; 2],
         unlagged: &Unlagged,
         constant: f64,
+        ageing: Option<Ageing>,
     ) -> RowMeasurement {
         // A force at the contact point bends the tube with the radius as its arm.
         let corner = &input.corners[wheel];
@@ -535,8 +561,9 @@ impl Fusion {
         let (rough, tolerance_n) = self.member_errors(input, wheel, unlagged.value / arm_m);
         RowMeasurement {
             value: unlagged.value - constant,
-            variance: noise + rough * arm_m * arm_m,
+            variance: noise + rough * arm_m * arm_m + self.latencies.variance(ageing),
             tolerance: tolerance_n * arm_m,
+            ageing,
         }
     }
 }

@@ -86,6 +86,7 @@ impl Fusion {
         self.state[OFFSET..BEFORE].fill(0.0);
         self.state[HUB_BIAS..].fill(0.0);
         self.covariance.reset(&variance, &self.state);
+        self.latencies.forget_effects();
     }
 
     /// Propagates state and covariance by the step.
@@ -118,6 +119,7 @@ impl Fusion {
         let gains = self.decay(dt, input.channels, &mut transition.keep);
         self.state = transition.apply(&self.state);
         self.covariance.propagate(&transition);
+        self.latencies.propagate(&transition, dt);
         for (index, by) in added.into_iter().enumerate().filter(|(_, by)| *by != 0.0) {
             self.state[index] += by;
             self.covariance

@@ -79,7 +79,7 @@ impl MotionFilter {
             residual(angles[1], pitch),
             residual(angles[2], roll),
         ];
-        let sigma = self.angle_sigma(sigma_rad);
+        let sigma = self.late_angle_sigma(pose, self.angle_sigma(sigma_rad));
         let repeated: [bool; 3] =
             std::array::from_fn(|axis| angles[axis] == self.last_angles[axis]);
         self.last_angles = angles;

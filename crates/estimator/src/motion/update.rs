@@ -118,6 +118,7 @@ impl MotionFilter {
                 }
             })
         });
+        let sigma = self.late_velocity_sigma(pose, sigma);
         if self.velocity_time.is_none() {
             self.adopt_velocity(residual);
             residual = Vector3::zeros();

@@ -19,6 +19,7 @@ mod filter_spec;
 mod golden;
 mod identification;
 mod inertial_forces;
+mod latency;
 mod limits;
 mod mistakes;
 mod motion_faults;

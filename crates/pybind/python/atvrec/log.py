@@ -301,6 +301,17 @@ class Log:
         """
         return self._reader.identify(kind, start_s, seed)
 
+    def latencies(self) -> list[dict[str, Any]]:
+        """Latencies of messages, as ``atvrec identify latency --json`` finds them by repeating the estimate:
+        each with the keys ``message``, ``latency_s``, ``sigma_s``, ``interval_s`` (95 %), ``is_found``,
+        ``configured_latency_s`` and ``configured_sigma_s``.
+
+        Raises :class:`atvrec.LogError` or :class:`atvrec.ArgumentError` where the log has no configuration, the
+        configuration no ``latency_sigma_s``, or the vehicle no linkages.
+        """
+        found: list[dict[str, Any]] = json.loads(self._reader.latencies_json())["latencies"]
+        return found
+
     def mistakes(self) -> dict[str, Any]:
         """Mistakes of the configuration, as ``atvrec identify mistakes --json`` finds them by repeating the
         estimate: ``found`` is a list with the keys ``time_ns``, ``subject``, ``cause``, ``help``,

@@ -28,7 +28,9 @@ impl Outputs {
             IdentifyCommand::Inertia(args) => inputs(&args.shared),
             IdentifyCommand::Response(args) => inputs(&args.shared),
             IdentifyCommand::RollCentre(args) => (&[][..], Some(&args.vehicle), &args.output),
-            IdentifyCommand::Handling(_) | IdentifyCommand::Mistakes(_) => {
+            IdentifyCommand::Handling(_)
+            | IdentifyCommand::Latency(_)
+            | IdentifyCommand::Mistakes(_) => {
                 return Ok(Self {
                     values: None,
                     page: None,

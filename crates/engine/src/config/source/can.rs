@@ -7,7 +7,7 @@ use acq::{CanSpec, LinkSpec, SlcanSpec, SourceKind};
 use wire::dbc::{Database, Issue};
 use wire::slcan;
 
-use super::{CanMeaning, Meaning, Read, read_port};
+use super::{CanMeaning, LATENCY_SIGMA_S, Meaning, Read, read_port, sync};
 use crate::config::files::{FileKind, Files, PROJECT_DBC};
 use crate::config::roles;
 use model::file::{ErrorCollector, Field, Problem, Section, closest};
@@ -206,38 +206,48 @@ fn can_meaning(
     let mut meaning = CanMeaning::new(databases, roles);
     meaning.warnings = warnings;
     let latencies = section.section("message_latency_s", collector);
-    read_latencies(latencies, &mut meaning, collector);
+    let CanMeaning {
+        names, latencies_s, ..
+    } = &mut meaning;
+    read_latencies(latencies, LATENCY_S, names, latencies_s, collector);
+    let sigmas = section.section("message_latency_sigma_s", collector);
+    let CanMeaning {
+        names,
+        latency_sigmas_s,
+        ..
+    } = &mut meaning;
+    read_latencies(sigmas, LATENCY_SIGMA_S, names, latency_sigmas_s, collector);
+    meaning.sync = sync::read(section, &meaning, collector);
     Meaning::Can(meaning)
 }
 
-/// `[source.<name>.message_latency_s]`: latencies of single messages, by the names of the DBC files.
+/// `[source.<name>.message_latency_s]` and its standard deviations: of single messages, by the names of the DBC
+/// files.
 fn read_latencies(
     section: Section<'_>,
-    meaning: &mut CanMeaning,
+    range: RangeInclusive<f64>,
+    all_names: &[Vec<String>],
+    values: &mut [Vec<Option<f64>>],
     collector: &mut ErrorCollector<'_>,
 ) {
     for (message, field) in section.into_numbers(collector) {
-        if !LATENCY_S.contains(&field.value) {
+        if !range.contains(&field.value) {
             collector.add(
                 &field.span,
                 &field.name,
                 format!("{} s is out of range", field.value),
-                format!(
-                    "use a number from {} to {}",
-                    LATENCY_S.start(),
-                    LATENCY_S.end()
-                ),
+                format!("use a number from {} to {}", range.start(), range.end()),
             );
         }
-        let mut latencies = meaning.names.iter().zip(&mut meaning.latencies_s);
-        let found = latencies.find_map(|(names, latencies)| {
+        let mut by_file = all_names.iter().zip(&mut *values);
+        let found = by_file.find_map(|(names, values)| {
             let at = names.iter().position(|name| *name == message)?;
-            latencies.get_mut(at)
+            values.get_mut(at)
         });
         match found {
-            Some(latency_s) => *latency_s = Some(field.value),
+            Some(value) => *value = Some(field.value),
             None => {
-                let names: Vec<&str> = meaning.names.iter().flatten().map(String::as_str).collect();
+                let names: Vec<&str> = all_names.iter().flatten().map(String::as_str).collect();
                 let help = match closest(&message, &names) {
                     Some(near) => format!("did you mean \"{near}\"?"),
                     None => "use the name of a message of the DBC files".to_owned(),

@@ -2,7 +2,7 @@ use model::strain::ABSENT_COUNT;
 use sample::{CanFlags, Side};
 
 use super::*;
-use crate::config::RoleOf;
+use crate::config::{RoleOf, SyncFrame};
 
 const DBC: &[u8] = b"VERSION \"\"\n\nBU_: Box\n\nBO_ 1 Rods: 8 Box\n \
     SG_ left : 0|16@1- (0.1,0) [0|0] \"mm\" Box\n SG_ right : 16|16@1+ (1,0) [0|0] \"count\" Box\n \
@@ -50,6 +50,7 @@ fn angle_rad(roles: &[(usize, Role)], fields: [u16; 3], rods: bool) -> Option<f6
         source: SourceId(0),
         log_time: LogTime(1_000_000_000),
         latency_s: 0.0,
+        sampled: None,
     };
     let mut samples = Vec::new();
     CanDecoder::new(&meaning, scales).push(&arrived, &frame, &mut samples);
@@ -104,6 +105,7 @@ fn decoded(databases: &[&str], frames: &[(u32, bool)]) -> Vec<String> {
         source: SourceId(0),
         log_time: LogTime(1_000_000_000),
         latency_s: 0.0,
+        sampled: None,
     };
     for (number, (id, extended)) in frames.iter().enumerate() {
         let flags = CanFlags {
@@ -186,6 +188,7 @@ fn messages_of_several_frames_and_trouble_codes_are_decoded() {
             source: SourceId(0),
             log_time: LogTime(1_000_000_000 + 50_000_000 * number as u64),
             latency_s: 0.0,
+            sampled: None,
         };
         decoder.push(&arrived, &frame, &mut samples);
     }
@@ -214,4 +217,50 @@ fn messages_of_several_frames_and_trouble_codes_are_decoded() {
     for (name, expected) in expected {
         assert_eq!(value(signals[1], name), Some(expected), "{name}");
     }
+}
+
+/// A message is as old as the sync frame before it, whatever its own arrival; without a sync frame of the last time it
+/// has its latency.
+#[test]
+fn a_sync_frame_gives_the_time_of_the_messages_that_it_marks() {
+    let databases = vec![Database::parse(DBC).expect("a DBC file")];
+    let role = RoleOf {
+        database: 0,
+        message: 0,
+        signal: 2,
+        role: Role::Steer(1.0),
+        at: None,
+    };
+    let mut meaning = CanMeaning::new(databases, vec![role]);
+    meaning.sync = Some(SyncFrame {
+        id: (0x80, false),
+        offset_s: 0.0005,
+        within: std::time::Duration::from_millis(50),
+        marks: vec![vec![true]],
+    });
+    let mut decoder = CanDecoder::new(&meaning, Scales::default());
+    decoder.set_uncertain([0, 0], 3);
+    let mut push = |id: u32, at_ms: u64, late_ns: i64| {
+        let arrived = Arrived {
+            source: SourceId(0),
+            log_time: LogTime(at_ms * 1_000_000),
+            latency_s: 0.002,
+            late_ns,
+            sampled: None,
+        };
+        let frame = CanFrame::new(id, CanFlags::default(), &[0; 8]).expect("eight bytes");
+        let mut samples = Vec::new();
+        let place = decoder.push(&arrived, &frame, &mut samples);
+        let steer = samples.into_iter().find_map(|sample| {
+            let is_steer = matches!(sample.measurement, Measurement::Steer(_));
+            is_steer.then_some(sample.valid_time.0 / 1_000)
+        });
+        (steer, place)
+    };
+    // Microseconds: its own latency before the first sync frame.
+    assert_eq!(push(1, 1_000, 0), (Some(998_000), Some(3)));
+    assert_eq!(push(0x80, 1_010, 1_000_000), (None, None));
+    assert_eq!(push(1, 1_013, 0), (Some(1_009_500), Some(3)));
+    assert_eq!(push(1, 1_020, 0), (Some(1_009_500), Some(3)));
+    assert_eq!(push(1, 1_100, 0), (Some(1_098_000), Some(3)));
 }
