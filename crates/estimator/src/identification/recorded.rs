@@ -4,7 +4,8 @@ use model::steering::SteeringGear;
 use model::vehicle::Vehicle;
 use sample::{PerWheel, Wheel};
 
-use super::{Drive, slip, tyre};
+use super::inclination::{Inclinations, WheelRow};
+use super::{Drive, aligning, camber, slip, tyre};
 
 /// Interval of the rows of tyre data that are used.
 const TYRE_STRIDE: usize = 10;
@@ -29,6 +30,8 @@ pub struct Motion {
     pub roll_rad: Vec<f64>,
     /// Pitch angle, rad.
     pub pitch_rad: Vec<f64>,
+    /// Bank of the ground, right side down positive, rad.
+    pub bank_rad: Vec<f64>,
     /// Steer angle of each road wheel, rad.
     pub steer_rad: PerWheel<Vec<f64>>,
     /// Slip angle of each tyre, rad.
@@ -45,6 +48,8 @@ pub struct Motion {
 pub struct TyreForces {
     /// Forces along the wheel, across it and upwards, N.
     pub force_n: PerWheel<[Vec<f64>; 3]>,
+    /// Moment about the upward axis through the wheel centre, N m.
+    pub aligning_n_m: PerWheel<Vec<f64>>,
     /// Whether the fusion filter gave them, which knows the vehicle file.
     pub fused: bool,
 }
@@ -63,6 +68,8 @@ pub struct Recorded {
     slip_angle_rad: PerWheel<Vec<f64>>,
     longitudinal_slip: PerWheel<Vec<f64>>,
     steer_rad: PerWheel<Vec<f64>>,
+    bank_rad: Vec<f64>,
+    aligning_n_m: PerWheel<Vec<f64>>,
 }
 
 impl Recorded {
@@ -84,7 +91,11 @@ impl Recorded {
             .collect()
         };
         let speed = forward.iter().zip(left).map(|(x, y)| math::hypot(*x, *y));
-        let TyreForces { force_n, fused } = forces;
+        let TyreForces {
+            force_n,
+            aligning_n_m,
+            fused,
+        } = forces;
         let (mut loads_n, mut forces_n) = (PerWheel::default(), PerWheel::default());
         for (wheel, [x, y, z]) in Wheel::ALL.into_iter().zip(force_n.0) {
             loads_n[wheel] = z;
@@ -110,6 +121,8 @@ impl Recorded {
             slip_angle_rad: motion.slip_angle_rad,
             longitudinal_slip: motion.longitudinal_slip,
             steer_rad: motion.steer_rad,
+            bank_rad: motion.bank_rad,
+            aligning_n_m,
         }
     }
 
@@ -147,6 +160,79 @@ impl Recorded {
         })
     }
 
+    /// Aligning moment and force of an axle's two wheels; 0 is the front axle. Rows below 3 m/s are unknown.
+    #[must_use]
+    pub fn aligning(&self, axle: usize) -> [aligning::Data; 2] {
+        [2 * axle, 2 * axle + 1].map(|wheel| {
+            let [along, across] = &self.forces_n.0[wheel];
+            let rows = self.aligning_n_m.0[wheel].iter().zip(&self.drive.speed_m_s);
+            aligning::Data {
+                aligning_n_m: rows
+                    .map(|(moment, speed)| while_rolling(*moment, *speed))
+                    .collect(),
+                longitudinal_n: along.clone(),
+                lateral_n: across.clone(),
+                load_n: self.drive.loads_n.0[wheel].clone(),
+            }
+        })
+    }
+
+    /// Slip angle, inclination and force of an axle's two wheels; 0 is the front axle. Rows below 3 m/s are unknown.
+    #[must_use]
+    pub fn cambered(&self, axle: usize) -> [camber::Data; 2] {
+        let inclinations = Inclinations::new(&self.vehicle);
+        let wheels = if axle == 0 {
+            [Wheel::FrontLeft, Wheel::FrontRight]
+        } else {
+            [Wheel::RearLeft, Wheel::RearRight]
+        };
+        let mut both = wheels.map(|wheel| {
+            let [along, across] = &self.forces_n[wheel];
+            camber::Data {
+                slip_tangent: self.relaxed(wheel),
+                inclination_rad: Vec::new(),
+                longitudinal_n: along.clone(),
+                lateral_n: across.clone(),
+                load_n: self.drive.loads_n[wheel].clone(),
+            }
+        });
+        for row in 0..self.drive.rows() {
+            let at = |column: &[f64]| column.get(row).copied().unwrap_or(f64::NAN);
+            let rows = wheels.map(|wheel| {
+                let [along, across] = &self.forces_n[wheel];
+                WheelRow {
+                    force_n: [at(along), at(across), at(&self.drive.loads_n[wheel])],
+                    steer_rad: at(&self.steer_rad[wheel]),
+                }
+            });
+            let bank_rad = self.bank_rad.get(row).copied().unwrap_or(0.0);
+            let lean_rad = at(&self.drive.roll_rad) - bank_rad;
+            let found = inclinations.of_axle(wheels, rows, lean_rad);
+            for (data, inclination) in both.iter_mut().zip(found) {
+                data.inclination_rad.push(inclination);
+            }
+        }
+        both
+    }
+
+    /// Tangent of the slip angle of a wheel, delayed by the relaxation length sigma of the vehicle file:
+    /// sigma s' = V (tan alpha - s).
+    fn relaxed(&self, wheel: Wheel) -> Vec<f64> {
+        let length_m = self.vehicle.axle(wheel).tyre.relaxation_length_m;
+        let mut slip = f64::NAN;
+        let rows = self.slip_angle_rad[wheel].iter().zip(&self.drive.speed_m_s);
+        rows.map(|(angle, speed)| {
+            let tangent = math::tan(*angle);
+            let part = 1.0 - math::exp(-speed * self.drive.dt_s / length_m.max(1e-6));
+            slip = match slip.is_finite() && part.is_finite() {
+                true if tangent.is_finite() => slip + part * (tangent - slip),
+                _ => tangent,
+            };
+            while_rolling(slip, *speed)
+        })
+        .collect()
+    }
+
     /// Moment of the tyre forces about the centre of gravity, sum of x F_y - y F_x, N m; NaN without
     /// forces.
     #[must_use]
@@ -171,6 +257,15 @@ impl Recorded {
                 Wheel::ALL.into_iter().map(moment).sum()
             })
             .collect()
+    }
+}
+
+/// A value of a wheel that rolls; NaN below the smallest speed.
+fn while_rolling(value: f64, speed_m_s: f64) -> f64 {
+    if speed_m_s > SLIP_SPEED_MIN_M_S {
+        value
+    } else {
+        f64::NAN
     }
 }
 
