@@ -57,7 +57,7 @@ pub fn read_drive(
         yaw_rate_rad_s: each("yaw_rate_rad_s"),
         roll_rad: each("roll_rad"),
         pitch_rad: each("pitch_rad"),
-        bank_rad: each("bank_rad"),
+        slope_rad: ["bank_rad", "grade_rad"].map(each),
         steer_rad: wheels("steer_rad"),
         slip_angle_rad: wheels("slip_angle_rad"),
         longitudinal_slip: wheels("longitudinal_slip"),

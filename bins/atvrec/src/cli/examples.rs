@@ -184,8 +184,8 @@ pub const EXAMPLES: [(&str, &str); 88] = [
         "longitudinal stiffness of the tyres, from a start and braking",
     ),
     (
-        "atvrec identify camber trail.mcap",
-        "camber stiffness of the tyres, from turns, side slopes and bumps",
+        "atvrec identify camber turns.mcap",
+        "camber stiffness of the tyres, from turns on even ground",
     ),
     (
         "atvrec identify aligning sine.mcap",

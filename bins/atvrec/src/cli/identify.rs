@@ -32,10 +32,10 @@ pub enum IdentifyCommand {
     Mistakes(IdentifyMistakesArgs),
     /// Longitudinal stiffness of the tyres (a start with much throttle and hard braking).
     Slip(IdentifyArgs),
-    /// Camber stiffness of the tyres (turns, side slopes and bumps).
+    /// Camber stiffness of the tyres (turns and side slopes on even ground).
     ///
     /// Roll inclines the wheels in proportion to the lateral force, so that turns alone do not separate the camber
-    /// thrust from the slip. Slow tight turns, side slopes and single wheels on bumps do.
+    /// thrust from the slip. Slow tight turns and side slopes do. Rough ground is refused.
     Camber(IdentifyArgs),
     /// Pneumatic trail and aligning moment of the tyres (turns to both sides).
     Aligning(IdentifyArgs),

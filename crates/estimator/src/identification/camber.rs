@@ -17,7 +17,8 @@
 //!
 //! G is the inverse of the brush tyre's parabola, n the load exponent and mu the friction of the vehicle file.
 //! Roll makes an inclination that is proportional to the lateral force, so that a turn alone does not separate both
-//! stiffnesses. Steering with caster at low speed, a side slope and single wheels on bumps do.
+//! stiffnesses. Steering with caster at low speed and a side slope do. On rough ground, the normal below each wheel is
+//! not known: an error of the inclination makes C_g too small, so that such drives are refused.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -27,8 +28,8 @@ use crate::finding::{Excitation, Figure, Finding, Findings, Refusal};
 use crate::regression::{Fit, least_squares};
 
 const WHAT: &str = "camber stiffness";
-const ADVICE: &str = "drive slow tight turns and fast wide ones to both sides, a side slope in both directions, or with \
-                      single wheels over bumps, for a minute or more; several drives have a more certain mean";
+const ADVICE: &str = "drive slow tight turns and fast wide ones to both sides, or along an even side slope in both \
+                      directions; the standard deviation falls with the root of the duration";
 /// Low-pass of slip angle, force and inclination.
 const CUTOFF_HZ: f64 = 2.0;
 /// Least data, s.
@@ -41,6 +42,8 @@ const LONGITUDINAL_MAX: f64 = 0.2;
 const USED_MAX: f64 = 0.6;
 /// Least root mean square of the inclination that neither force nor offsets explain, rad.
 const INCLINATION_MIN_RAD: f64 = 0.004;
+/// Largest standard deviation of the vertical acceleration, m/s^2: 0.1 on even ground, 0.9 on class D with bumps.
+const VERTICAL_MAX_M_S2: f64 = 0.3;
 /// Relative standard deviation of the friction, and standard deviation of the load exponent of the vehicle file.
 const DOUBT: [f64; 2] = [0.1, 0.15];
 
@@ -72,6 +75,8 @@ pub struct Options {
     pub friction: f64,
     /// Camber stiffness of the vehicle file, for comparison, N/rad.
     pub file_stiffness_n_rad: f64,
+    /// Standard deviation of the vertical acceleration of the drive, m/s^2; NaN if it is unknown.
+    pub vertical_m_s2: f64,
     /// Seed of the bootstrap.
     pub seed: u64,
 }
@@ -95,8 +100,19 @@ struct Rows {
 /// `slip_angle_offset_left` and `slip_angle_offset_right` (rad).
 ///
 /// # Errors
-/// Columns that differ in length, too little data, inclinations that follow the force.
+/// Columns that differ in length, too little data, rough ground, inclinations that follow the force.
 pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refusal> {
+    if options.vertical_m_s2 > VERTICAL_MAX_M_S2 {
+        return Err(Refusal::Value {
+            what: WHAT.to_owned(),
+            name: "standard deviation of the vertical acceleration".to_owned(),
+            value: options.vertical_m_s2,
+            expected: format!(
+                "at most {VERTICAL_MAX_M_S2} m/s^2: on rough ground the inclination of a wheel to the ground is not \
+                 known; drive on even ground, or select an even part with --from and --to"
+            ),
+        });
+    }
     let rows = usable(wheels, options)?;
     let mut fit = fitted(&rows, options)?;
     let found = fit.excitation[1];

@@ -380,6 +380,7 @@ fn camber(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> 
             load_exponent: file.load_exponent,
             friction: file.friction,
             file_stiffness_n_rad: file.camber_stiffness_n_rad,
+            vertical_m_s2: recorded.vertical_m_s2,
             seed,
         };
         let result = camber::identify(&recorded.cambered(axle), &options)?;

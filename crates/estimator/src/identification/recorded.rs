@@ -5,6 +5,7 @@ use model::vehicle::Vehicle;
 use sample::{PerWheel, Wheel};
 
 use super::inclination::{Inclinations, WheelRow};
+use super::signals::spread;
 use super::{Drive, aligning, camber, slip, tyre};
 
 /// Interval of the rows of tyre data that are used.
@@ -30,8 +31,8 @@ pub struct Motion {
     pub roll_rad: Vec<f64>,
     /// Pitch angle, rad.
     pub pitch_rad: Vec<f64>,
-    /// Bank of the ground, right side down positive, rad.
-    pub bank_rad: Vec<f64>,
+    /// Bank and grade of the ground, right side down and nose down positive, rad.
+    pub slope_rad: [Vec<f64>; 2],
     /// Steer angle of each road wheel, rad.
     pub steer_rad: PerWheel<Vec<f64>>,
     /// Slip angle of each tyre, rad.
@@ -63,12 +64,14 @@ pub struct Recorded {
     pub drive: Drive,
     /// Whether the forces are from the fusion filter.
     pub fused: bool,
+    /// Standard deviation of the vertical acceleration, m/s^2; NaN if it is unknown.
+    pub vertical_m_s2: f64,
     /// Forces along the wheel and across it, N.
     forces_n: PerWheel<[Vec<f64>; 2]>,
     slip_angle_rad: PerWheel<Vec<f64>>,
     longitudinal_slip: PerWheel<Vec<f64>>,
     steer_rad: PerWheel<Vec<f64>>,
-    bank_rad: Vec<f64>,
+    slope_rad: [Vec<f64>; 2],
     aligning_n_m: PerWheel<Vec<f64>>,
 }
 
@@ -78,6 +81,7 @@ impl Recorded {
     pub fn new(vehicle: Vehicle, motion: Motion, forces: TyreForces) -> Self {
         let [forward, left] = &motion.velocity_m_s;
         let [along, across, up] = &motion.acceleration_m_s2;
+        let vertical_m_s2 = spread(up);
         // The axes lean with the body, but the accelerations of interest are horizontal. The motion of
         // a vehicle without hard-points has no attitude, and its accelerations are horizontal.
         let horizontal = |along: &[f64], lean: &[f64], sign: f64| -> Vec<f64> {
@@ -117,11 +121,12 @@ impl Recorded {
             vehicle,
             drive,
             fused,
+            vertical_m_s2,
             forces_n,
             slip_angle_rad: motion.slip_angle_rad,
             longitudinal_slip: motion.longitudinal_slip,
             steer_rad: motion.steer_rad,
-            bank_rad: motion.bank_rad,
+            slope_rad: motion.slope_rad,
             aligning_n_m,
         }
     }
@@ -163,16 +168,20 @@ impl Recorded {
     /// Aligning moment and force of an axle's two wheels; 0 is the front axle. Rows below 3 m/s are unknown.
     #[must_use]
     pub fn aligning(&self, axle: usize) -> [aligning::Data; 2] {
-        [2 * axle, 2 * axle + 1].map(|wheel| {
-            let [along, across] = &self.forces_n.0[wheel];
-            let rows = self.aligning_n_m.0[wheel].iter().zip(&self.drive.speed_m_s);
+        let wheels = wheels_of(axle);
+        let inclinations = self.inclinations(axle);
+        std::array::from_fn(|side| {
+            let wheel = wheels[side];
+            let [along, across] = &self.forces_n[wheel];
+            let moment = |row: usize| {
+                let moment = self.about_contact(wheel, row, inclinations[side][row]);
+                while_rolling(moment, self.drive.speed_m_s[row])
+            };
             aligning::Data {
-                aligning_n_m: rows
-                    .map(|(moment, speed)| while_rolling(*moment, *speed))
-                    .collect(),
+                aligning_n_m: (0..across.len()).map(moment).collect(),
                 longitudinal_n: along.clone(),
                 lateral_n: across.clone(),
-                load_n: self.drive.loads_n.0[wheel].clone(),
+                load_n: self.drive.loads_n[wheel].clone(),
             }
         })
     }
@@ -180,39 +189,59 @@ impl Recorded {
     /// Slip angle, inclination and force of an axle's two wheels; 0 is the front axle. Rows below 3 m/s are unknown.
     #[must_use]
     pub fn cambered(&self, axle: usize) -> [camber::Data; 2] {
-        let inclinations = Inclinations::new(&self.vehicle);
-        let wheels = if axle == 0 {
-            [Wheel::FrontLeft, Wheel::FrontRight]
-        } else {
-            [Wheel::RearLeft, Wheel::RearRight]
-        };
-        let mut both = wheels.map(|wheel| {
-            let [along, across] = &self.forces_n[wheel];
+        let wheels = wheels_of(axle);
+        let mut inclinations = self.inclinations(axle);
+        std::array::from_fn(|side| {
+            let [along, across] = &self.forces_n[wheels[side]];
             camber::Data {
-                slip_tangent: self.relaxed(wheel),
-                inclination_rad: Vec::new(),
+                slip_tangent: self.relaxed(wheels[side]),
+                inclination_rad: std::mem::take(&mut inclinations[side]),
                 longitudinal_n: along.clone(),
                 lateral_n: across.clone(),
-                load_n: self.drive.loads_n[wheel].clone(),
+                load_n: self.drive.loads_n[wheels[side]].clone(),
             }
-        });
+        })
+    }
+
+    /// Inclination of the wheels of an axle to the ground, rad.
+    fn inclinations(&self, axle: usize) -> [Vec<f64>; 2] {
+        let model = Inclinations::new(&self.vehicle);
+        let wheels = wheels_of(axle);
+        let mut both = [Vec::new(), Vec::new()];
         for row in 0..self.drive.rows() {
-            let at = |column: &[f64]| column.get(row).copied().unwrap_or(f64::NAN);
             let rows = wheels.map(|wheel| {
                 let [along, across] = &self.forces_n[wheel];
                 WheelRow {
-                    force_n: [at(along), at(across), at(&self.drive.loads_n[wheel])],
-                    steer_rad: at(&self.steer_rad[wheel]),
+                    force_n: [along, across, &self.drive.loads_n[wheel]]
+                        .map(|column| at(column, row)),
+                    steer_rad: at(&self.steer_rad[wheel], row),
                 }
             });
-            let bank_rad = self.bank_rad.get(row).copied().unwrap_or(0.0);
-            let lean_rad = at(&self.drive.roll_rad) - bank_rad;
-            let found = inclinations.of_axle(wheels, rows, lean_rad);
-            for (data, inclination) in both.iter_mut().zip(found) {
-                data.inclination_rad.push(inclination);
+            let lean_rad = at(&self.drive.roll_rad, row) - at(&self.slope_rad[0], row);
+            let found = model.of_axle(wheels, rows, lean_rad);
+            for (column, inclination) in both.iter_mut().zip(found) {
+                column.push(inclination);
             }
         }
         both
+    }
+
+    /// Aligning moment about the contact point, N m. The estimate is about the wheel centre: M = m + a x F, with
+    /// the contact point a = -R n from the wheel centre along the normal n of the ground, wheel axes.
+    fn about_contact(&self, wheel: Wheel, row: usize, inclination_rad: f64) -> f64 {
+        let tyre = &self.vehicle.axle(wheel).tyre;
+        let [along, across] = &self.forces_n[wheel];
+        let load_n = at(&self.drive.loads_n[wheel], row);
+        let radius_m = tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m;
+        let over_ground =
+            |angle: &[f64], slope: usize| at(angle, row) - at(&self.slope_rad[slope], row);
+        let roll = over_ground(&self.drive.roll_rad, 0);
+        let pitch = over_ground(&self.drive.pitch_rad, 1);
+        let (sin, cos) = math::sin_cos(at(&self.steer_rad[wheel], row));
+        // Nose down, the wheel's x axis points into the ground; right side down, its y axis points away from it.
+        let normal = [roll * sin - pitch * cos, inclination_rad];
+        let lever = radius_m * (normal[1] * at(along, row) - normal[0] * at(across, row));
+        at(&self.aligning_n_m[wheel], row) - lever
     }
 
     /// Tangent of the slip angle of a wheel, delayed by the relaxation length sigma of the vehicle file:
@@ -258,6 +287,20 @@ impl Recorded {
             })
             .collect()
     }
+}
+
+/// Wheels of an axle, left first; 0 is the front axle.
+fn wheels_of(axle: usize) -> [Wheel; 2] {
+    if axle == 0 {
+        [Wheel::FrontLeft, Wheel::FrontRight]
+    } else {
+        [Wheel::RearLeft, Wheel::RearRight]
+    }
+}
+
+/// A value of a column; NaN where the column was not recorded.
+fn at(column: &[f64], row: usize) -> f64 {
+    column.get(row).copied().unwrap_or(f64::NAN)
 }
 
 /// A value of a wheel that rolls; NaN below the smallest speed.

@@ -8,6 +8,7 @@ const OPTIONS: Options = Options {
     load_exponent: 0.75,
     friction: 0.87,
     file_stiffness_n_rad: 0.0,
+    vertical_m_s2: 0.1,
     seed: 1,
 };
 const CAMBER_N_RAD: f64 = 1200.0;
@@ -82,6 +83,15 @@ fn turns_alone_do_not_separate_camber_from_slip() {
     assert!(
         text.contains("the inclination that does not follow the lateral force")
             && text.contains("side slope"),
+        "{text}"
+    );
+    let rough = Options {
+        vertical_m_s2: 0.9,
+        ..OPTIONS
+    };
+    let text = identify(&wheels, &rough).expect_err("refused").to_string();
+    assert!(
+        text.contains("vertical acceleration = 0.9") && text.contains("even ground"),
         "{text}"
     );
     let mut short = drive(0.0, 0.03, 1);
