@@ -111,13 +111,7 @@ pub fn beams(
         let motion = CornerMotion::at_rest(Vector3::z() * STANDARD_GRAVITY_M_S2);
         let excess_n = inboard_excess_n(&corner, &pose, unsprung, &motion, members.sixth_n);
         let part = mount_part(&corner, &pose);
-        let ball_normal_n = statics.ball_normal_n(&members);
-        for (beam, excess_n) in lower.iter_mut().zip(excess_n) {
-            let mount_m = part * beam.length_m;
-            beam.mount_m = Some(mount_m);
-            beam.tension_n[1] += excess_n;
-            beam.moment_n_m = 0.5 * ball_normal_n * mount_m;
-        }
+        bend(&mut lower, part, excess_n, statics.ball_normal_n(&members));
     }
     let upper_m = |inner: Vector3<f64>| (pose.upper_ball_m - inner).norm();
     Ok(vec![
@@ -135,6 +129,16 @@ pub fn beams(
         lower[1],
         tie_rod,
     ])
+}
+
+/// Adds to the tubes of a lower arm what the strut's mount makes, at a part of their length from the ball joint.
+fn bend(lower: &mut [MemberBeam; 2], part: f64, excess_n: [f64; 2], ball_normal_n: f64) {
+    for (beam, excess_n) in lower.iter_mut().zip(excess_n) {
+        let mount_m = part * beam.length_m;
+        beam.mount_m = Some(mount_m);
+        beam.tension_n[1] += excess_n;
+        beam.moment_n_m = 0.5 * ball_normal_n * mount_m;
+    }
 }
 
 /// A member with tension alone.

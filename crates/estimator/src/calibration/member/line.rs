@@ -79,18 +79,16 @@ impl Line {
         let direction = directions(&load);
         let mean_c = temperature_c.map(|all| all.iter().sum::<f64>() / all.len() as f64);
         let temperature_range_k = temperature_c.map(range);
-        let change_k: Vec<f64> = match (temperature_c, mean_c) {
-            (Some(all), Some(mean_c)) => all.iter().map(|c| c - mean_c).collect(),
-            _ => vec![0.0; load.len()],
-        };
         let parts = parts(&other, &direction, temperature_range_k);
+        let change_k =
+            |row: usize| temperature_c.map_or(0.0, |all| all[row] - mean_c.unwrap_or(0.0));
         let value = |row: usize, part: Part| match part {
             Part::Zero => 1.0,
             Part::Load => load[row],
             Part::Other => other[row],
             Part::Direction => 0.5 * direction[row],
-            Part::Temperature => change_k[row],
-            Part::LoadTemperature => load[row] * change_k[row],
+            Part::Temperature => change_k(row),
+            Part::LoadTemperature => load[row] * change_k(row),
         };
         let fit = solve(counts, &parts, &value)?;
         let covariance = covariance(&fit, counts);
@@ -99,14 +97,8 @@ impl Line {
         let zero = at(Part::Zero).map_or([0.0; 2], pair);
         let slope = at(Part::Load).map_or([0.0; 2], pair);
         let range_counts = changes(slope, range(&load), name)?;
-        // A ratio's variance by its gradient; the covariance of both coefficients counts.
-        let over_slope = |k: usize| {
-            let load = at(Part::Load).unwrap_or_default();
-            let ratio = fit.coefficients[k] / slope[0];
-            let variance = covariance[(k, k)] + ratio * ratio * covariance[(load, load)]
-                - 2.0 * ratio * covariance[(k, load)];
-            [ratio, variance.max(0.0).sqrt() / slope[0].abs()]
-        };
+        let of_slope = at(Part::Load).unwrap_or_default();
+        let over_slope = |k: usize| ratio(&fit, &covariance, [k, of_slope]);
         let lag_counts = at(Part::Direction).map_or(0.0, |k| fit.coefficients[k]);
         let rows = load.iter().zip(&direction).zip(&fit.residuals);
         Ok(Self {
@@ -133,6 +125,15 @@ impl Line {
             direction,
         })
     }
+}
+
+/// Ratio of two coefficients and its standard deviation, with their covariance.
+fn ratio(fit: &Fit, covariance: &DMatrix<f64>, [k, over]: [usize; 2]) -> [f64; 2] {
+    let below = fit.coefficients[over];
+    let ratio = fit.coefficients[k] / below;
+    let variance = covariance[(k, k)] + ratio * ratio * covariance[(over, over)]
+        - 2.0 * ratio * covariance[(k, over)];
+    [ratio, variance.max(0.0).sqrt() / below.abs()]
 }
 
 /// Change of the counts over the range of the load, if it is large enough.

@@ -150,8 +150,8 @@ fn stresses_agree_with_a_balance_of_their_own() {
         }
         // The mount is at the part of the way from ball joint to hinge at which the strut is.
         let part = 1.0
-            - (0.306454 - 0.18065_f64).hypot(0.265 - 0.247609)
-                / (0.47 - 0.18065_f64).hypot(0.265 - 0.225);
+            - math::hypot(0.306454 - 0.18065, 0.265 - 0.247609)
+                / math::hypot(0.47 - 0.18065, 0.265 - 0.225);
         let excess_n = excess(ball_normal_n, n);
         for (side, beam) in found.beams[2..4].iter().enumerate() {
             let length_m = (p.lower_ball - p.lower[side]).norm();
