@@ -15,14 +15,15 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand};
 use sim::Manoeuvre;
 
-pub use calibrate::{CalibrateArgs, CalibrateCommand, CgHeightArgs};
+pub use calibrate::{CalibrateArgs, CalibrateCommand, CgHeightArgs, MemberArgs};
 pub use examples::EXAMPLES;
 pub use files::{
-    CheckFilesArgs, DrawArgs, MassArgs, NewArgs, SensorsCommand, ShowArgs, VehicleCommand,
+    CheckFilesArgs, DrawArgs, GaugesArgs, MassArgs, NewArgs, SensorsCommand, ShowArgs,
+    VehicleCommand,
 };
 pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, IdentifyLatencyArgs, IdentifyMistakesArgs,
-    InertiaArgs, OutputArgs, PendulumKind, RollCentreArgs,
+    InertiaArgs, OutputArgs, PendulumKind, RollCentreArgs, TyreArgs,
 };
 pub use import::{
     ImportAlogArgs, ImportCanArgs, ImportCommand, ImportCsvArgs, ImportGnssArgs, ImportInto,

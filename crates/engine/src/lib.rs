@@ -52,7 +52,7 @@ pub use left_out::LeftOut;
 pub use listened::{Listened, bus_warnings};
 pub use merge::{Merge, Merged};
 pub use mistakes::{find_mistakes, mistakes_as_json};
-pub use recorded::{Window, read_drive, read_swing, vehicle_file, vehicle_of};
+pub use recorded::{Window, read_drive, read_swing, sensors_file, vehicle_file, vehicle_of};
 pub use recording::read_recording;
 pub use replay::{Changes, FileSource, Replay, ReplayOptions, Replayed};
 pub use simple::simple_methods_of;

@@ -2,6 +2,7 @@
 
 use estimator::finding::Refusal;
 use estimator::identification::{Motion, Recorded, Sense, TyreForces};
+use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel};
 use store::{Reader, Table, Values};
@@ -16,6 +17,7 @@ const FUSION: i32 = 3;
 /// Topics of the estimates.
 const MOTION: &str = "/estimate/motion";
 const CONTACT_FORCES: &str = "/estimate/contact_forces";
+const CARRIER_FORCES: &str = "/estimate/tyre_forces";
 const PARAMETERS: &str = "/estimate/parameters";
 /// Abbreviations of the wheels in the columns' names.
 const WHEELS: [&str; 4] = ["fl", "fr", "rl", "rr"];
@@ -55,6 +57,7 @@ pub fn read_drive(
         yaw_rate_rad_s: each("yaw_rate_rad_s"),
         roll_rad: each("roll_rad"),
         pitch_rad: each("pitch_rad"),
+        slope_rad: ["bank_rad", "grade_rad"].map(each),
         steer_rad: wheels("steer_rad"),
         slip_angle_rad: wheels("slip_angle_rad"),
         longitudinal_slip: wheels("longitudinal_slip"),
@@ -114,6 +117,15 @@ pub fn vehicle_file(name: &str) -> Result<Vehicle> {
     Ok(Vehicle::from_toml(&text, name)?)
 }
 
+/// The sensors of a file, or of one of the program's own.
+///
+/// # Errors
+/// If the file cannot be read or has errors.
+pub fn sensors_file(name: &str) -> Result<Sensors> {
+    let text = Files::on_disk(std::path::PathBuf::new()).read_text(name, FileKind::Sensors)?;
+    Ok(Sensors::from_toml(&text, name)?)
+}
+
 const fn schema_of(sense: Sense) -> &'static str {
     match sense {
         Sense::Inertia => "atvrec.Imu",
@@ -153,8 +165,19 @@ fn read_forces(reader: &Reader, window: Window, motion: &Grid) -> Result<TyreFor
     let source = forces.table.columns.iter().find(|c| c.name == "fl.source");
     let axes =
         |wheel: &str| ["x", "y", "z"].map(|axis| forces.column(&format!("{wheel}.{axis}_n")));
+    let mut aligning_n_m = PerWheel::default();
+    if reader.info().channels.contains_key(CARRIER_FORCES) {
+        let carrier = Grid {
+            first_ns: motion.first_ns,
+            rows: motion.rows,
+            ..Grid::read(reader, CARRIER_FORCES, window)?
+        };
+        aligning_n_m =
+            PerWheel(WHEELS.map(|wheel| carrier.column(&format!("{wheel}.moment_z_n_m"))));
+    }
     Ok(TyreForces {
         force_n: PerWheel(WHEELS.map(axes)),
+        aligning_n_m,
         fused: matches!(
             source.map(|column| &column.values),
             Some(Values::I32(values)) if values.contains(&FUSION)

@@ -9,6 +9,7 @@ pub mod gnss;
 pub mod hub;
 pub mod imu;
 pub mod load_rig;
+pub mod member;
 pub mod range;
 mod recording;
 mod recording_error;

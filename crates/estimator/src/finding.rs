@@ -121,8 +121,8 @@ pub struct Series {
 /// Why data do not tell a parameter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// The log lacks a channel, or all its values are unknown.
-    #[error("{what}: the log has no {channel}; {help}")]
+    /// The data lack a channel, or all its values are unknown.
+    #[error("{what}: there is no {channel}; {help}")]
     Missing {
         /// What was looked for.
         what: String,

@@ -4,10 +4,14 @@
 //! gives [`Findings`](crate::finding::Findings) or refuses with a [`Refusal`](crate::finding::Refusal)
 //! that names what the data lack. Axes and signs are those of `sample` (ISO 8855).
 
+pub mod against;
+pub mod aligning;
+pub mod camber;
 pub mod cornering;
 pub mod drive;
 pub mod friction;
 pub mod handling;
+mod inclination;
 pub mod inertia;
 mod method;
 mod overrides;

@@ -197,10 +197,18 @@ impl StrainChain {
         })
     }
 
+    /// Young's modulus of the tubes, Pa.
+    ///
+    /// # Errors
+    /// When the sensors file does not have it.
+    pub fn modulus_pa(&self) -> Result<f64, Error> {
+        needed("strain.youngs_modulus_pa", self.youngs_modulus_pa)
+    }
+
     /// Load of a unit of strain: E A of an axial channel, N, E W of a bending channel, N m.
     fn stiffness(&self, bends: bool) -> Result<f64, Error> {
         let section = self.section()?;
-        let modulus_pa = needed("strain.youngs_modulus_pa", self.youngs_modulus_pa)?;
+        let modulus_pa = self.modulus_pa()?;
         Ok(if bends {
             modulus_pa * section.section_modulus_m3()
         } else {

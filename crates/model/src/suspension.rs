@@ -4,8 +4,10 @@
 //! Everything geometric stands in *vehicle axes*: x forward, y left, z up, origin on the design
 //! ground plane below the whole vehicle's centre of gravity, fixed to the sprung body.
 
+mod beams;
 pub mod curves;
 pub mod full;
+mod gauges;
 pub mod ground;
 pub mod half;
 pub mod hanging;
@@ -20,8 +22,10 @@ pub mod straight;
 pub mod strut;
 pub mod wishbone;
 
+pub use beams::{MemberBeam, beams};
 pub use curves::JouncePoint;
 pub use full::FullCar;
+pub use gauges::{Gauge, GaugeError, GaugeLoad, GaugeTable, gauges};
 pub use ground::{GroundPlane, TyreFrame, ground_plane};
 pub use half::HalfCar;
 pub use hanging::Hanging;

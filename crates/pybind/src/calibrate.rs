@@ -150,6 +150,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(calibrate_weight, module)?)?;
     module.add_function(wrap_pyfunction!(corners::calibrate_zero, module)?)?;
     module.add_function(wrap_pyfunction!(corners::calibrate_load_rig, module)?)?;
+    module.add_function(wrap_pyfunction!(corners::calibrate_member, module)?)?;
     module.add_function(wrap_pyfunction!(motion::calibrate_imu, module)?)?;
     module.add_function(wrap_pyfunction!(motion::calibrate_gnss, module)?)?;
     module.add_function(wrap_pyfunction!(motion::calibrate_hub, module)?)?;

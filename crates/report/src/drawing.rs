@@ -1,7 +1,8 @@
 //! Drawing of a vehicle's hard-points as SVG: the left corner of each axle, or a whole solid axle, from the rear
 //! and from above, at bump, design and droop, and curves over the travel of the wheel. A mistyped coordinate
-//! is seen.
+//! is seen. Beside it, the stresses along the members under a load.
 
+mod gauges;
 mod live_axle;
 
 use std::fmt::Write;
@@ -10,6 +11,8 @@ use model::nalgebra::Vector3;
 use model::suspension::{Corner, CornerPose, HardPoints, JouncePoint, SuspensionError};
 use model::vehicle::Vehicle;
 use sample::Wheel;
+
+pub use gauges::{LoadedCorner, stresses};
 
 const WIDTH: f64 = 1240.0;
 /// Height of the drawing of one axle.

@@ -35,13 +35,20 @@ pub enum CalibrateCommand {
     /// front or rear), lift_m (height of the ground below the raised wheels above that below the
     /// others), front_kg and rear_kg. The wheels must roll freely.
     CgHeight(CgHeightArgs),
+    /// Gains, zeros, hysteresis and drift of the strain bridges of one member, from known loads on a bench.
+    ///
+    /// The table (CSV) has a row for each step, in the order in which the loads were put on and taken off,
+    /// with the columns load_n (tension of the member, N), axial_counts (mean of the axial bridge) and, if
+    /// they were measured, moment_n_m (bending moment at the gauges, N m), bending_counts (mean of the
+    /// bending bridge) and temperature_c (temperature at the gauges).
+    Member(MemberArgs),
 }
 
 impl CalibrateCommand {
     /// Arguments that all steps share which read logs.
     pub fn shared(&self) -> Option<&CalibrateArgs> {
         Some(match self {
-            Self::CgHeight(_) => return None,
+            Self::CgHeight(_) | Self::Member(_) => return None,
             Self::Zero(args) => &args.shared,
             Self::Weight(args) => &args.shared,
             Self::Steer(args) => &args.shared,
@@ -132,6 +139,42 @@ pub struct CgHeightArgs {
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Write a page with the figure (HTML).
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
+/// `atvrec calibrate member`.
+#[derive(Debug, Args)]
+pub struct MemberArgs {
+    /// Table of the bench (CSV).
+    #[arg(value_name = "BENCH")]
+    pub bench: PathBuf,
+    /// Path of a vehicle file, or the name of a built-in one: the calibration is for it.
+    #[arg(long, value_name = "FILE")]
+    pub vehicle: String,
+    /// Path of a sensors file, or the name of a built-in one: it gives the expected gains and the range of the
+    /// counts.
+    #[arg(long, value_name = "FILE")]
+    pub sensors: String,
+    /// Corner of the member.
+    #[arg(long, value_name = "WHEEL", value_parser = ["FL", "FR", "RL", "RR"], ignore_case = true)]
+    pub wheel: String,
+    /// Member, by the name of its axial channel.
+    #[arg(long, value_name = "MEMBER", value_parser = ["upper_front", "upper_rear", "lower_front", "lower_rear", "tie_rod", "strut_side_x", "strut_side_y"])]
+    pub member: String,
+    /// Standard deviation of the loads, as a fraction of each load, the same in all rows.
+    #[arg(long, default_value = "0.002", value_name = "FRACTION", value_parser = number::fraction, allow_negative_numbers = true)]
+    pub load_sigma: f64,
+    /// Calibration file to write; values of other steps in it are kept.
+    #[arg(short, long, default_value = "calibration.toml", value_name = "FILE")]
+    pub output: PathBuf,
+    /// Write a page with figures (HTML).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     /// Print JSON.

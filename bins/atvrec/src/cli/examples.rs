@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 83] = [
+pub const EXAMPLES: [(&str, &str); 88] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -117,6 +117,11 @@ pub const EXAMPLES: [(&str, &str); 83] = [
         "height of the centre of gravity, from scales",
     ),
     (
+        "atvrec calibrate member bench.csv --vehicle vehicle.toml --sensors sensors.toml --wheel FL \
+         --member lower_front",
+        "gains of the bridges of one member, from known loads on a bench",
+    ),
+    (
         "atvrec calibrate temperature morning.mcap noon.mcap",
         "drift of the strain bridges with temperature",
     ),
@@ -171,8 +176,20 @@ pub const EXAMPLES: [(&str, &str); 83] = [
     ),
     ("atvrec identify tyre sine.mcap", "curve of the tyre"),
     (
+        "atvrec identify tyre soft.mcap --against hard.mcap --model fiala",
+        "compare the tyres of two drives, at two pressures",
+    ),
+    (
         "atvrec identify slip brake.mcap",
         "longitudinal stiffness of the tyres, from a start and braking",
+    ),
+    (
+        "atvrec identify camber turns.mcap",
+        "camber stiffness of the tyres, from turns on even ground",
+    ),
+    (
+        "atvrec identify aligning sine.mcap",
+        "pneumatic trail of the tyres, from turns to both sides",
     ),
     (
         "atvrec identify roll-centre prowler",
@@ -227,6 +244,10 @@ pub const EXAMPLES: [(&str, &str); 83] = [
     (
         "atvrec vehicle mass components.csv --vehicle vehicle.toml -o mass.toml",
         "mass, centre of gravity and inertia from a list",
+    ),
+    (
+        "atvrec vehicle gauges vehicle.toml --sensors sensors.toml --load FL,0,1200,2400 -o stress.svg",
+        "stress and strain at the gauges under a load",
     ),
     (
         "atvrec sensors new thesis-10bit-hub -o sensors.toml",

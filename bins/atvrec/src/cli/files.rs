@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::Replace;
+use super::{Replace, number};
 
 /// `atvrec vehicle`.
 #[derive(Debug, Subcommand)]
@@ -32,6 +32,13 @@ pub enum VehicleCommand {
     /// ixz_kg_m2. Positions are forward and left of, and above, the point on the ground below the
     /// middle of the front axle; parts behind the front axle have a negative x_m.
     Mass(MassArgs),
+    /// Stress and strain at each gauge under loads on the wheels, and the counts that they make.
+    ///
+    /// The forces of the members are those of the linkage, and each member is a beam between its joints. The
+    /// table shows which load uses how much of the limit of the gauges and of the range of the converter, and the
+    /// drawing (SVG) the stress along each member: gauges belong where it is large and changes little. Without
+    /// --load, each wheel has its static load.
+    Gauges(GaugesArgs),
 }
 
 /// `atvrec sensors`.
@@ -102,6 +109,40 @@ pub struct MassArgs {
     #[arg(long, value_name = "FILE")]
     pub vehicle: String,
     /// Write overrides for the vehicle file to this TOML file.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
+/// `atvrec vehicle gauges`.
+#[derive(Debug, Args)]
+pub struct GaugesArgs {
+    /// Path of a vehicle file, or the name of a built-in one.
+    #[arg(value_name = "FILE")]
+    pub file: String,
+    /// Path of a sensors file, or the name of a built-in one: it gives tubes, bridges and converter.
+    #[arg(long, value_name = "FILE")]
+    pub sensors: String,
+    /// Force of the ground on a tyre at its contact point: wheel, forward, left and up, N, as in FL,0,800,1800.
+    /// Repeat the option for more loads.
+    #[arg(long = "load", value_name = "LOAD", value_parser = number::wheel_load, allow_hyphen_values = true)]
+    pub loads: Vec<(sample::Wheel, [f64; 3])>,
+    /// Compression of the struts from their design length, m.
+    #[arg(long, default_value = "0", value_name = "M", value_parser = number::compression_m, allow_negative_numbers = true)]
+    pub compression_m: f64,
+    /// Distance of the axial gauges from the outer joint along the member, m [default: that of the bending
+    /// bridges, or 0.1].
+    #[arg(long, value_name = "M", value_parser = number::length_m, allow_negative_numbers = true)]
+    pub axial_distance_m: Option<f64>,
+    /// Largest strain of a gauge, um/m: that up to which its data sheet states a fatigue life.
+    #[arg(long, default_value = "1500", value_name = "UM_M", value_parser = number::strain_um_m, allow_negative_numbers = true)]
+    pub limit_um_m: f64,
+    /// Drawing to write (SVG).
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Print JSON.

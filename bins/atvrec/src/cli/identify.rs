@@ -37,6 +37,13 @@ pub enum IdentifyCommand {
     Latency(IdentifyLatencyArgs),
     /// Longitudinal stiffness of the tyres (a start with much throttle and hard braking).
     Slip(IdentifyArgs),
+    /// Camber stiffness of the tyres (turns and side slopes on even ground).
+    ///
+    /// Roll inclines the wheels in proportion to the lateral force, so that turns alone do not separate the camber
+    /// thrust from the slip. Slow tight turns and side slopes do. Rough ground is refused.
+    Camber(IdentifyArgs),
+    /// Pneumatic trail and aligning moment of the tyres (turns to both sides).
+    Aligning(IdentifyArgs),
     /// Tyre parameters, yaw inertia, gains and offsets for a car without suspension sensors.
     ///
     /// The result is for the estimate of the sideslip angle.
@@ -133,6 +140,10 @@ pub struct TyreArgs {
     /// vehicle file can contain (fiala) gives the overrides.
     #[arg(long, value_name = "NAME")]
     pub model: Option<String>,
+    /// Compare the tyres with those of another log, or of a file that `identify tyre -o` wrote. The differences
+    /// have intervals, and a sentence says whether the tyres differ.
+    #[arg(long, value_name = "LOG|FILE")]
+    pub against: Option<PathBuf>,
 }
 
 /// `atvrec identify inertia`.

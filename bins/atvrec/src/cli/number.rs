@@ -92,6 +92,34 @@ pub fn length_m(text: &str) -> Result<f64, String> {
     within(text, 0.001..=1000.0, "m")
 }
 
+/// Compression of a spring from its design length, m.
+pub fn compression_m(text: &str) -> Result<f64, String> {
+    within(text, -1.0..=1.0, "m")
+}
+
+/// Strain, um/m.
+pub fn strain_um_m(text: &str) -> Result<f64, String> {
+    within(text, 1.0..=100_000.0, "um/m")
+}
+
+/// A wheel and the force of the ground on its tyre: forward, left and up, N.
+pub fn wheel_load(text: &str) -> Result<(sample::Wheel, [f64; 3]), String> {
+    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
+    let [wheel, forces @ ..] = parts.as_slice() else {
+        return Err(WHEEL_LOAD.to_owned());
+    };
+    let wheel = sample::Wheel::from_abbreviation(wheel)
+        .ok_or_else(|| format!("{wheel:?} is no wheel; {WHEEL_LOAD}"))?;
+    let [x, y, z] = forces else {
+        return Err(WHEEL_LOAD.to_owned());
+    };
+    let force_n = |text: &str| within(text, -1e6..=1e6, "N");
+    Ok((wheel, [force_n(x)?, force_n(y)?, force_n(z)?]))
+}
+
+const WHEEL_LOAD: &str =
+    "give a wheel (FL, FR, RL or RR) and its forces forward, left and up in N, as in FL,0,800,1800";
+
 /// A stiffness about an axis.
 pub fn stiffness_n_m_rad(text: &str) -> Result<f64, String> {
     within(text, 0.001..=1e9, "N m/rad")

@@ -2,6 +2,7 @@
 //! values to one calibration file.
 
 mod cg_height;
+mod member;
 
 use std::path::Path;
 
@@ -21,6 +22,7 @@ pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
     let (Some(args), Some(step)) = (command.shared(), step(command)) else {
         return match command {
             CalibrateCommand::CgHeight(args) => cg_height::run(args),
+            CalibrateCommand::Member(args) => member::run(args),
             _ => Err(anyhow::anyhow!("internal error: a step without logs")),
         };
     };
@@ -51,7 +53,7 @@ pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
 /// The step, if it reads logs.
 fn step(command: &CalibrateCommand) -> Option<Step> {
     Some(match command {
-        CalibrateCommand::CgHeight(_) => return None,
+        CalibrateCommand::CgHeight(_) | CalibrateCommand::Member(_) => return None,
         CalibrateCommand::Zero(args) => Step::Zero {
             weight_sigma: args.weight_sigma,
         },
@@ -99,7 +101,7 @@ fn known(path: &Path, vehicle: &str) -> anyhow::Result<Calibration> {
         .with_context(|| format!("cannot use {}; the file is not changed", path.display()))?;
     ensure!(
         known.vehicle == vehicle,
-        "{} is the calibration of vehicle \"{}\", but the log is of vehicle \"{vehicle}\"; the file \
+        "{} is the calibration of vehicle \"{}\", but this step is for vehicle \"{vehicle}\"; the file \
          is not changed; choose another file with --output",
         path.display(),
         known.vehicle,

@@ -1,5 +1,7 @@
-//! `atvrec vehicle` and `atvrec sensors`: the built-in files as templates, checks, and a drawing.
+//! `atvrec vehicle` and `atvrec sensors`: the built-in files as templates, checks, drawings, and what a vehicle file
+//! gives without a drive.
 
+mod gauges;
 mod mass;
 mod template;
 
@@ -191,6 +193,7 @@ pub fn vehicle(command: &VehicleCommand) -> anyhow::Result<Outcome> {
         VehicleCommand::Check(args) => check(&VEHICLES, args),
         VehicleCommand::Draw(args) => draw(args),
         VehicleCommand::Mass(args) => mass::run(args),
+        VehicleCommand::Gauges(args) => gauges::run(args),
     }
 }
 

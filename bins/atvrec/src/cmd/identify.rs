@@ -5,12 +5,16 @@ mod latency;
 mod mistakes;
 mod outputs;
 
+use anyhow::Context;
+use engine::config::{TOML_MAX, read_text};
 use engine::{Window, read_drive, read_swing, vehicle_file, vehicle_of};
 use estimator::identification::inertia::Pendulum;
-use estimator::identification::{Identified, Method, roll_centres, swing, tyre};
+use estimator::identification::{Identified, Method, against, roll_centres, swing, tyre};
 use store::Reader;
 
-use crate::cli::{IdentifyArgs, IdentifyCommand, InertiaArgs, PendulumKind, RollCentreArgs};
+use crate::cli::{
+    IdentifyArgs, IdentifyCommand, InertiaArgs, PendulumKind, RollCentreArgs, TyreArgs,
+};
 use crate::cmd::findings;
 use crate::exit::{Outcome, UsageError};
 
@@ -32,10 +36,7 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
     let outputs = Outputs::check(command)?;
     let (found, output) = match command {
         IdentifyCommand::Cornering(args) => (in_drive(args, &Method::Cornering)?, &args.output),
-        IdentifyCommand::Tyre(args) => {
-            let method = Method::Tyre(kinds(args.model.as_deref())?);
-            (in_drive(&args.shared, &method)?, &args.shared.output)
-        }
+        IdentifyCommand::Tyre(args) => (tyres(args)?, &args.shared.output),
         IdentifyCommand::RollPitch(args) => (in_drive(args, &Method::RollPitch)?, &args.output),
         IdentifyCommand::Inertia(args) => {
             let found = match args.pendulum {
@@ -55,6 +56,8 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
         }
         IdentifyCommand::Friction(args) => (in_drive(args, &Method::Friction)?, &args.output),
         IdentifyCommand::Slip(args) => (in_drive(args, &Method::Slip)?, &args.output),
+        IdentifyCommand::Camber(args) => (in_drive(args, &Method::Camber)?, &args.output),
+        IdentifyCommand::Aligning(args) => (in_drive(args, &Method::Aligning)?, &args.output),
         IdentifyCommand::Handling(args) => return handling::run(args),
         IdentifyCommand::Latency(args) => return latency::run(args),
         IdentifyCommand::Mistakes(args) => return mistakes::run(args),
@@ -75,6 +78,40 @@ fn in_drive(args: &IdentifyArgs, method: &Method) -> anyhow::Result<Found> {
         logs: logs(args),
         identified: method.identify(&recorded, args.seed)?,
     })
+}
+
+/// The tyres of the logs, and their differences from those of another log or file.
+fn tyres(args: &TyreArgs) -> anyhow::Result<Found> {
+    let method = Method::Tyre(kinds(args.model.as_deref())?);
+    let mut found = in_drive(&args.shared, &method)?;
+    let Some(other) = &args.against else {
+        return Ok(found);
+    };
+    let shown = other.display();
+    let others = if other
+        .extension()
+        .is_some_and(|extension| extension == "toml")
+    {
+        let text = read_text(other, TOML_MAX).with_context(|| format!("cannot read {shown}"))?;
+        against::results(&text).with_context(|| format!("cannot use {shown}"))?
+    } else {
+        let reader = Reader::open(std::slice::from_ref(other))?;
+        // The other drive can be of a vehicle file that differs in its tyres.
+        let recorded = read_drive(
+            &reader,
+            None,
+            window(&args.shared),
+            method.what(),
+            method.senses(),
+        )?;
+        let identified = method.identify(&recorded, args.shared.seed);
+        identified
+            .with_context(|| format!("cannot use {shown}"))?
+            .results
+    };
+    let differences = against::differences(&found.identified.results, &others)?;
+    found.identified.results.extend(differences);
+    Ok(found)
 }
 
 fn window(args: &IdentifyArgs) -> Window {

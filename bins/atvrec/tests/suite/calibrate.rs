@@ -450,3 +450,73 @@ fn the_height_of_the_centre_of_gravity_comes_from_a_table_of_scales() {
     let odd = stderr(&atvrec(here).args(odd).assert().code(2));
     assert!(odd.contains("must be none, front or rear"), "{odd}");
 }
+
+/// A table of a bench gives the gain of a member and keeps the other values of the calibration file. A table with one
+/// load is refused with what to do.
+#[test]
+fn a_bench_calibrates_one_member_and_keeps_the_others() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let earlier = "vehicle = \"Prowler, road tyres\"\n[corner.front_left.strain.tie_rod]\noffset_counts = 500.5\n";
+    std::fs::write(here.join("calibration.toml"), earlier).expect("written");
+    let mut table = "# bench 3\nload_n,axial_counts\n".to_owned();
+    for load_n in [0.0, 1000.0, 2000.0, 3000.0, 2000.0, 1000.0, 0.0] {
+        table += &format!("{load_n},{}\n", 510.0 + load_n / 28.0);
+    }
+    std::fs::write(here.join("bench.csv"), table).expect("written");
+    let command = |name: &str| {
+        let shared = [
+            "--vehicle",
+            "prowler",
+            "--sensors",
+            "thesis-10bit",
+            "--wheel",
+            "fl",
+        ];
+        let mut command = atvrec(here);
+        command.args(["calibrate", "member", name]).args(shared);
+        command
+    };
+    let member = ["--member", "upper_front"];
+    let found = command("bench.csv")
+        .args(member)
+        .args(["--json", "--report", "bench.html"])
+        .assert()
+        .success();
+    let found: serde_json::Value = serde_json::from_str(&stdout(&found)).expect("JSON");
+    let gain = &found["results"][0]["findings"][0];
+    assert_eq!(gain["name"], "upper_front_gain");
+    assert!(
+        (gain["value"].as_f64().expect("a number") - 28.0).abs() < 1e-6,
+        "{gain}"
+    );
+    let file = std::fs::read_to_string(here.join("calibration.toml")).expect("a calibration");
+    let file = estimator::Calibration::from_toml(&file).expect("a calibration");
+    let strain = &file.corner[&Wheel::FrontLeft].strain;
+    let gain = strain[&StrainChannel::UpperFront].gain_per_count;
+    assert!((gain.expect("a gain") - 28.0).abs() < 1e-6);
+    assert_eq!(strain[&StrainChannel::TieRod].offset_counts, Some(500.5));
+    assert!(here.join("bench.html").exists());
+    std::fs::write(
+        here.join("one.csv"),
+        "load_n,axial_counts\n1000,540\n1000,541\n",
+    )
+    .expect("written");
+    let one = stderr(&command("one.csv").args(member).assert().failure());
+    assert!(
+        one.contains("number of different loads (load_n) is 1.0000 -, at least 3 - is needed")
+            && one.contains("write a row for each step"),
+        "{one}"
+    );
+    std::fs::write(here.join("text.csv"), "load_n,axial_counts\nheavy,540\n").expect("written");
+    let text = stderr(&command("text.csv").args(member).assert().code(2));
+    assert!(text.contains("text.csv: row 1"), "{text}");
+    std::fs::write(here.join("force.csv"), "force,axial_counts\n1,540\n").expect("written");
+    let force = stderr(&command("force.csv").args(member).assert().code(2));
+    assert!(force.contains("lacks load_n"), "{force}");
+    let after = std::fs::read_to_string(here.join("calibration.toml")).expect("a calibration");
+    assert_eq!(
+        estimator::Calibration::from_toml(&after).expect("the same"),
+        file
+    );
+}

@@ -247,3 +247,83 @@ fn a_list_of_components_with_errors_names_each_of_them() {
     let text = said("name,mass_kg,x_m,y_m,z_m\nall,600,0.8,0,0.6\n");
     assert!(text.contains("not between the axles"), "{text}");
 }
+
+/// Stresses of a load as a table, as JSON and as a drawing; loads and sensors that cannot be used are named.
+#[test]
+fn gauges_of_a_load_are_printed_and_drawn() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let command = [
+        "vehicle",
+        "gauges",
+        "prowler",
+        "--sensors",
+        "full-bridge-16bit-bending",
+    ];
+    let load = ["--load", "FL,0,1200,2400", "--load", "rr,-300,0,1800"];
+    let found = atvrec(here)
+        .args(command)
+        .args(load)
+        .args(["--json", "-o", "stress.svg"])
+        .assert()
+        .success();
+    let found: serde_json::Value = serde_json::from_str(&stdout(&found)).expect("JSON");
+    let loads = found["loads"].as_array().expect("loads");
+    assert_eq!((loads.len(), &loads[1]["wheel"]), (2, &"RR".into()));
+    let gauges = loads[0]["gauges"].as_array().expect("gauges");
+    assert_eq!(gauges.len(), 7);
+    for gauge in gauges {
+        let number = |name: &str| gauge[name].as_f64().expect("a number");
+        let stress_pa = number("axial_stress_pa").abs() + number("bending_stress_pa").abs();
+        assert!(
+            (number("strain") - stress_pa / 190e9).abs() < 1e-9,
+            "{gauge}"
+        );
+        assert!(
+            (number("part_of_limit") - number("strain") / 1500e-6).abs() < 1e-9,
+            "{gauge}"
+        );
+    }
+    let drawing = fs::read_to_string(here.join("stress.svg")).expect("a drawing");
+    assert!(
+        drawing.contains("RR: F_x -300 N, F_y 0 N, F_z 1800 N"),
+        "{drawing}"
+    );
+    let table = atvrec(here)
+        .args(command)
+        .args(load)
+        .args(["--limit-um-m", "100"])
+        .assert()
+        .success();
+    let table = stdout(&table);
+    assert!(
+        table.contains("lower_front_bending")
+            && table.contains("the strain is above the limit of 100 um/m"),
+        "{table}"
+    );
+    // Without loads, each wheel has its static load.
+    let all = stdout(&atvrec(here).args(command).assert().success());
+    assert!(
+        all.contains("FL: F_x 0 N, F_y 0 N, F_z 1327 N") && all.contains("RR: "),
+        "{all}"
+    );
+    let wrong = atvrec(here)
+        .args(command)
+        .args(["--load", "FL,1,2"])
+        .assert()
+        .code(2);
+    assert!(
+        stderr(&wrong).contains("as in FL,0,800,1800"),
+        "{}",
+        stderr(&wrong)
+    );
+    let solid = [
+        "vehicle",
+        "gauges",
+        "second-vehicle",
+        "--sensors",
+        "thesis-10bit",
+    ];
+    let solid = stderr(&atvrec(here).args(solid).assert().code(1));
+    assert!(solid.contains("the rear axle is a solid axle"), "{solid}");
+}

@@ -330,7 +330,7 @@ fn a_log_without_a_sensor_is_refused_by_its_name() {
                 .output()
                 .unwrap();
             let said = String::from_utf8_lossy(&output.stderr).into_owned();
-            let named = said.contains(&format!("the log has no {channel}"));
+            let named = said.contains(&format!("there is no {channel}"));
             assert!(output.status.code() == Some(1) && named, "{what}: {said}");
         }
     }

@@ -1,11 +1,11 @@
 //! One method applied to a recorded drive: what it found, and which fields of the vehicle file that
 //! replaces.
 
-use model::vehicle::Vehicle;
+use model::vehicle::{Tyre, Vehicle};
 
 use super::{
-    Overrides, Recorded, cornering, friction, inertia, response, roll_centre, roll_pitch, slip,
-    tyre, understeer,
+    Overrides, Recorded, aligning, camber, cornering, friction, inertia, response, roll_centre,
+    roll_pitch, slip, tyre, understeer,
 };
 use crate::EstimatorError;
 use crate::finding::{Findings, Refusal};
@@ -66,6 +66,10 @@ pub enum Method {
     Friction,
     /// Longitudinal stiffness of the tyres.
     Slip,
+    /// Camber stiffness of the tyres.
+    Camber,
+    /// Pneumatic trail of the tyres.
+    Aligning,
 }
 
 /// What a method found.
@@ -90,6 +94,8 @@ impl Method {
             Self::Response { .. } => "response",
             Self::Friction => "friction",
             Self::Slip => "slip",
+            Self::Camber => "camber",
+            Self::Aligning => "aligning",
         }
     }
 
@@ -105,6 +111,8 @@ impl Method {
             Self::Response { .. } => "response",
             Self::Friction => "friction",
             Self::Slip => "longitudinal stiffness",
+            Self::Camber => "camber stiffness",
+            Self::Aligning => "aligning moment",
         }
     }
 
@@ -113,7 +121,7 @@ impl Method {
     pub const fn senses(&self) -> &'static [Sense] {
         match self {
             Self::Cornering | Self::Understeer => &[Sense::Inertia, Sense::Velocity, Sense::Steer],
-            Self::Tyre(_) | Self::Friction => {
+            Self::Tyre(_) | Self::Friction | Self::Camber => {
                 &[Sense::Inertia, Sense::Velocity, Sense::Steer, Sense::Strain]
             }
             Self::Slip => &[
@@ -122,6 +130,7 @@ impl Method {
                 Sense::WheelSpeed,
                 Sense::Strain,
             ],
+            Self::Aligning => &[Sense::Inertia, Sense::Velocity, Sense::Strain],
             Self::RollPitch => &[Sense::Inertia],
             Self::YawInertia => &[Sense::Inertia, Sense::Strain],
             Self::Response { .. } => &[Sense::Inertia, Sense::Steer],
@@ -156,6 +165,8 @@ impl Method {
             } => response(recorded, *step_min_rad, *window_s, seed),
             Self::Friction => friction(recorded, seed),
             Self::Slip => slip(recorded, seed),
+            Self::Camber => camber(recorded, seed),
+            Self::Aligning => aligning(recorded, seed),
         }
     }
 }
@@ -338,34 +349,16 @@ fn response(
 }
 
 fn friction(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
-    let mut found = Identified::default();
-    let mut refusals: Vec<(String, Refusal)> = Vec::new();
-    for (axle, name) in AXLES.into_iter().enumerate() {
-        let file = [&recorded.vehicle.front.tyre, &recorded.vehicle.rear.tyre][axle];
+    of_axles(recorded, |axle, file| {
         let data = recorded.tyre(axle);
-        match friction::identify(&data, file.reference_load_n, file.load_exponent, seed) {
-            Ok(mut result) => {
-                result.what = format!("{name} {}", result.what);
-                let value = result.value("friction")[0];
-                found.overrides.set(&format!("{name}.tyre.friction"), value);
-                found.results.push(result);
-            }
-            Err(refusal) => refusals.push((format!("{name} axle"), refusal)),
-        }
-    }
-    match (found.results.first_mut(), refusals.into_iter().next()) {
-        (None, Some((part, refusal))) => return Err(part_refused(part, refusal)),
-        (Some(first), Some((part, refusal))) => first.notes.push(format!("{part}: {refusal}")),
-        _ => {}
-    }
-    Ok(found)
+        let result = friction::identify(&data, file.reference_load_n, file.load_exponent, seed)?;
+        let value = result.value("friction")[0];
+        Ok((result, Some(("friction", value))))
+    })
 }
 
 fn slip(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
-    let mut found = Identified::default();
-    let mut refusals: Vec<(String, Refusal)> = Vec::new();
-    for (axle, name) in AXLES.into_iter().enumerate() {
-        let file = [&recorded.vehicle.front.tyre, &recorded.vehicle.rear.tyre][axle];
+    of_axles(recorded, |axle, file| {
         let options = slip::Options {
             dt_s: recorded.drive.dt_s,
             reference_load_n: file.reference_load_n,
@@ -373,12 +366,67 @@ fn slip(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
             friction: file.friction,
             seed,
         };
-        match slip::identify(&recorded.rolling(axle), &options) {
-            Ok(mut result) => {
+        let result = slip::identify(&recorded.rolling(axle), &options)?;
+        let value = result.value("slip_stiffness")[0];
+        Ok((result, Some(("slip_stiffness_n", value))))
+    })
+}
+
+fn camber(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
+    of_axles(recorded, |axle, file| {
+        let options = camber::Options {
+            dt_s: recorded.drive.dt_s,
+            reference_load_n: file.reference_load_n,
+            load_exponent: file.load_exponent,
+            friction: file.friction,
+            file_stiffness_n_rad: file.camber_stiffness_n_rad,
+            vertical_m_s2: recorded.vertical_m_s2,
+            seed,
+        };
+        let result = camber::identify(&recorded.cambered(axle), &options)?;
+        let value = result.value("camber_stiffness")[0].max(0.0);
+        Ok((result, Some(("camber_stiffness_n_rad", value))))
+    })
+}
+
+fn aligning(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
+    of_axles(recorded, |axle, file| {
+        let pressed_m = file.reference_load_n / file.vertical_stiffness_n_m;
+        let options = aligning::Options {
+            dt_s: recorded.drive.dt_s,
+            reference_load_n: file.reference_load_n,
+            friction: file.friction,
+            cornering_n_rad: file.cornering_stiffness_n_rad,
+            // A sixth of the length of the contact patch.
+            file_trail_m: (2.0 * file.unloaded_radius_m * pressed_m).sqrt() / 3.0,
+            seed,
+        };
+        // The vehicle file has no field for the trail.
+        Ok((
+            aligning::identify(&recorded.aligning(axle), &options)?,
+            None,
+        ))
+    })
+}
+
+/// Findings of an axle, and a field of its tyre that they replace.
+type OfAxle = (Findings, Option<(&'static str, f64)>);
+
+/// Applies a method to each axle. An axle that is refused is a note of the other one.
+fn of_axles(
+    recorded: &Recorded,
+    identify: impl Fn(usize, &Tyre) -> Result<OfAxle, Refusal>,
+) -> Result<Identified, EstimatorError> {
+    let mut found = Identified::default();
+    let mut refusals: Vec<(String, Refusal)> = Vec::new();
+    for (axle, name) in AXLES.into_iter().enumerate() {
+        let file = [&recorded.vehicle.front.tyre, &recorded.vehicle.rear.tyre][axle];
+        match identify(axle, file) {
+            Ok((mut result, field)) => {
                 result.what = format!("{name} {}", result.what);
-                let value = result.value("slip_stiffness")[0];
-                let key = format!("{name}.tyre.slip_stiffness_n");
-                found.overrides.set(&key, value);
+                if let Some((field, value)) = field {
+                    found.overrides.set(&format!("{name}.tyre.{field}"), value);
+                }
                 found.results.push(result);
             }
             Err(refusal) => refusals.push((format!("{name} axle"), refusal)),

@@ -4,7 +4,9 @@ use model::steering::SteeringGear;
 use model::vehicle::Vehicle;
 use sample::{PerWheel, Wheel};
 
-use super::{Drive, slip, tyre};
+use super::inclination::{Inclinations, WheelRow};
+use super::signals::spread;
+use super::{Drive, aligning, camber, slip, tyre};
 
 /// Interval of the rows of tyre data that are used.
 const TYRE_STRIDE: usize = 10;
@@ -29,6 +31,8 @@ pub struct Motion {
     pub roll_rad: Vec<f64>,
     /// Pitch angle, rad.
     pub pitch_rad: Vec<f64>,
+    /// Bank and grade of the ground, right side down and nose down positive, rad.
+    pub slope_rad: [Vec<f64>; 2],
     /// Steer angle of each road wheel, rad.
     pub steer_rad: PerWheel<Vec<f64>>,
     /// Slip angle of each tyre, rad.
@@ -45,6 +49,8 @@ pub struct Motion {
 pub struct TyreForces {
     /// Forces along the wheel, across it and upwards, N.
     pub force_n: PerWheel<[Vec<f64>; 3]>,
+    /// Moment about the upward axis through the wheel centre, N m.
+    pub aligning_n_m: PerWheel<Vec<f64>>,
     /// Whether the fusion filter gave them, which knows the vehicle file.
     pub fused: bool,
 }
@@ -58,11 +64,15 @@ pub struct Recorded {
     pub drive: Drive,
     /// Whether the forces are from the fusion filter.
     pub fused: bool,
+    /// Standard deviation of the vertical acceleration, m/s^2; NaN if it is unknown.
+    pub vertical_m_s2: f64,
     /// Forces along the wheel and across it, N.
     forces_n: PerWheel<[Vec<f64>; 2]>,
     slip_angle_rad: PerWheel<Vec<f64>>,
     longitudinal_slip: PerWheel<Vec<f64>>,
     steer_rad: PerWheel<Vec<f64>>,
+    slope_rad: [Vec<f64>; 2],
+    aligning_n_m: PerWheel<Vec<f64>>,
 }
 
 impl Recorded {
@@ -71,6 +81,7 @@ impl Recorded {
     pub fn new(vehicle: Vehicle, motion: Motion, forces: TyreForces) -> Self {
         let [forward, left] = &motion.velocity_m_s;
         let [along, across, up] = &motion.acceleration_m_s2;
+        let vertical_m_s2 = spread(up);
         // The axes lean with the body, but the accelerations of interest are horizontal. The motion of
         // a vehicle without hard-points has no attitude, and its accelerations are horizontal.
         let horizontal = |along: &[f64], lean: &[f64], sign: f64| -> Vec<f64> {
@@ -84,7 +95,11 @@ impl Recorded {
             .collect()
         };
         let speed = forward.iter().zip(left).map(|(x, y)| math::hypot(*x, *y));
-        let TyreForces { force_n, fused } = forces;
+        let TyreForces {
+            force_n,
+            aligning_n_m,
+            fused,
+        } = forces;
         let (mut loads_n, mut forces_n) = (PerWheel::default(), PerWheel::default());
         for (wheel, [x, y, z]) in Wheel::ALL.into_iter().zip(force_n.0) {
             loads_n[wheel] = z;
@@ -106,10 +121,13 @@ impl Recorded {
             vehicle,
             drive,
             fused,
+            vertical_m_s2,
             forces_n,
             slip_angle_rad: motion.slip_angle_rad,
             longitudinal_slip: motion.longitudinal_slip,
             steer_rad: motion.steer_rad,
+            slope_rad: motion.slope_rad,
+            aligning_n_m,
         }
     }
 
@@ -147,6 +165,103 @@ impl Recorded {
         })
     }
 
+    /// Aligning moment and force of an axle's two wheels; 0 is the front axle. Rows below 3 m/s are unknown.
+    #[must_use]
+    pub fn aligning(&self, axle: usize) -> [aligning::Data; 2] {
+        let wheels = wheels_of(axle);
+        let inclinations = self.inclinations(axle);
+        std::array::from_fn(|side| {
+            let wheel = wheels[side];
+            let [along, across] = &self.forces_n[wheel];
+            let moment = |row: usize| {
+                let moment = self.about_contact(wheel, row, inclinations[side][row]);
+                while_rolling(moment, self.drive.speed_m_s[row])
+            };
+            aligning::Data {
+                aligning_n_m: (0..across.len()).map(moment).collect(),
+                longitudinal_n: along.clone(),
+                lateral_n: across.clone(),
+                load_n: self.drive.loads_n[wheel].clone(),
+            }
+        })
+    }
+
+    /// Slip angle, inclination and force of an axle's two wheels; 0 is the front axle. Rows below 3 m/s are unknown.
+    #[must_use]
+    pub fn cambered(&self, axle: usize) -> [camber::Data; 2] {
+        let wheels = wheels_of(axle);
+        let mut inclinations = self.inclinations(axle);
+        std::array::from_fn(|side| {
+            let [along, across] = &self.forces_n[wheels[side]];
+            camber::Data {
+                slip_tangent: self.relaxed(wheels[side]),
+                inclination_rad: std::mem::take(&mut inclinations[side]),
+                longitudinal_n: along.clone(),
+                lateral_n: across.clone(),
+                load_n: self.drive.loads_n[wheels[side]].clone(),
+            }
+        })
+    }
+
+    /// Inclination of the wheels of an axle to the ground, rad.
+    fn inclinations(&self, axle: usize) -> [Vec<f64>; 2] {
+        let model = Inclinations::new(&self.vehicle);
+        let wheels = wheels_of(axle);
+        let mut both = [Vec::new(), Vec::new()];
+        for row in 0..self.drive.rows() {
+            let rows = wheels.map(|wheel| {
+                let [along, across] = &self.forces_n[wheel];
+                WheelRow {
+                    force_n: [along, across, &self.drive.loads_n[wheel]]
+                        .map(|column| at(column, row)),
+                    steer_rad: at(&self.steer_rad[wheel], row),
+                }
+            });
+            let lean_rad = at(&self.drive.roll_rad, row) - at(&self.slope_rad[0], row);
+            let found = model.of_axle(wheels, rows, lean_rad);
+            for (column, inclination) in both.iter_mut().zip(found) {
+                column.push(inclination);
+            }
+        }
+        both
+    }
+
+    /// Aligning moment about the contact point, N m. The estimate is about the wheel centre: M = m + a x F, with
+    /// the contact point a = -R n from the wheel centre along the normal n of the ground, wheel axes.
+    fn about_contact(&self, wheel: Wheel, row: usize, inclination_rad: f64) -> f64 {
+        let tyre = &self.vehicle.axle(wheel).tyre;
+        let [along, across] = &self.forces_n[wheel];
+        let load_n = at(&self.drive.loads_n[wheel], row);
+        let radius_m = tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m;
+        let over_ground =
+            |angle: &[f64], slope: usize| at(angle, row) - at(&self.slope_rad[slope], row);
+        let roll = over_ground(&self.drive.roll_rad, 0);
+        let pitch = over_ground(&self.drive.pitch_rad, 1);
+        let (sin, cos) = math::sin_cos(at(&self.steer_rad[wheel], row));
+        // Nose down, the wheel's x axis points into the ground; right side down, its y axis points away from it.
+        let normal = [roll * sin - pitch * cos, inclination_rad];
+        let lever = radius_m * (normal[1] * at(along, row) - normal[0] * at(across, row));
+        at(&self.aligning_n_m[wheel], row) - lever
+    }
+
+    /// Tangent of the slip angle of a wheel, delayed by the relaxation length sigma of the vehicle file:
+    /// sigma s' = V (tan alpha - s).
+    fn relaxed(&self, wheel: Wheel) -> Vec<f64> {
+        let length_m = self.vehicle.axle(wheel).tyre.relaxation_length_m;
+        let mut slip = f64::NAN;
+        let rows = self.slip_angle_rad[wheel].iter().zip(&self.drive.speed_m_s);
+        rows.map(|(angle, speed)| {
+            let tangent = math::tan(*angle);
+            let part = 1.0 - math::exp(-speed * self.drive.dt_s / length_m.max(1e-6));
+            slip = match slip.is_finite() && part.is_finite() {
+                true if tangent.is_finite() => slip + part * (tangent - slip),
+                _ => tangent,
+            };
+            while_rolling(slip, *speed)
+        })
+        .collect()
+    }
+
     /// Moment of the tyre forces about the centre of gravity, sum of x F_y - y F_x, N m; NaN without
     /// forces.
     #[must_use]
@@ -171,6 +286,29 @@ impl Recorded {
                 Wheel::ALL.into_iter().map(moment).sum()
             })
             .collect()
+    }
+}
+
+/// Wheels of an axle, left first; 0 is the front axle.
+fn wheels_of(axle: usize) -> [Wheel; 2] {
+    if axle == 0 {
+        [Wheel::FrontLeft, Wheel::FrontRight]
+    } else {
+        [Wheel::RearLeft, Wheel::RearRight]
+    }
+}
+
+/// A value of a column; NaN where the column was not recorded.
+fn at(column: &[f64], row: usize) -> f64 {
+    column.get(row).copied().unwrap_or(f64::NAN)
+}
+
+/// A value of a wheel that rolls; NaN below the smallest speed.
+fn while_rolling(value: f64, speed_m_s: f64) -> f64 {
+    if speed_m_s > SLIP_SPEED_MIN_M_S {
+        value
+    } else {
+        f64::NAN
     }
 }
 

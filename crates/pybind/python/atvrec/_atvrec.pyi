@@ -55,6 +55,7 @@ __all__ = [
     "calibrate_hub",
     "calibrate_imu",
     "calibrate_load_rig",
+    "calibrate_member",
     "calibrate_rest",
     "calibrate_steer",
     "calibrate_weight",
@@ -667,6 +668,20 @@ def calibrate_load_rig(
     steering_wheel_rad: npt.ArrayLike | None = None,
     known_calibration: Mapping[str, Any] | None = None,
 ) -> LoadRig: ...
+def calibrate_member(
+    vehicle: Vehicle,
+    sensors: Sensors,
+    wheel: str,
+    channel: str,
+    load_n: npt.ArrayLike,
+    *,
+    axial_counts: npt.ArrayLike | None = None,
+    moment_n_m: npt.ArrayLike | None = None,
+    bending_counts: npt.ArrayLike | None = None,
+    temperature_c: npt.ArrayLike | None = None,
+    load_sigma: float = 0.002,
+    known_calibration: Mapping[str, Any] | None = None,
+) -> Calibrated: ...
 def calibrate_imu(
     vehicle: Vehicle, logs: Sequence[InertialLog], *, imu_m: Sequence[float] = ...
 ) -> Calibrated: ...

@@ -17,6 +17,7 @@ from atvrec._atvrec import calibrate_gnss as gnss
 from atvrec._atvrec import calibrate_hub as hub
 from atvrec._atvrec import calibrate_imu as imu
 from atvrec._atvrec import calibrate_load_rig as load_rig
+from atvrec._atvrec import calibrate_member as member
 from atvrec._atvrec import calibrate_rest as rest
 from atvrec._atvrec import calibrate_steer as steer
 from atvrec._atvrec import calibrate_weight as weight
@@ -39,6 +40,7 @@ __all__ = [
     "hub",
     "imu",
     "load_rig",
+    "member",
     "rest",
     "steer",
     "weight",

@@ -1,6 +1,7 @@
 //! Strain bridges and potentiometers of all corners.
 
 use estimator::calibration::load_rig::{RigLoad, load_rig};
+use estimator::calibration::member::{Bench, BenchLoad, member};
 use estimator::calibration::rest::{Rest, Signal};
 use estimator::calibration::zero::{CornerRest, ZeroInput, zero};
 use numpy::PyUntypedArrayMethods;
@@ -178,6 +179,68 @@ pub fn calibrate_load_rig<'py>(
     }
     told.set_item("counts_per_n", sensitivity)?;
     Ok(told)
+}
+
+/// Gains, zeros, hysteresis and drift of the bridges of one member from known loads on a bench: loads, N, and
+/// moments, N m, in the order in which they were applied, mean counts and temperatures, degrees Celsius, all (k,).
+#[pyfunction]
+#[pyo3(signature = (
+    vehicle, sensors, wheel, channel, load_n, *, axial_counts=None, moment_n_m=None, bending_counts=None,
+    temperature_c=None, load_sigma=0.002, known_calibration=None,
+))]
+#[allow(clippy::too_many_arguments)]
+#[allow(clippy::needless_pass_by_value)]
+pub fn calibrate_member<'py>(
+    py: Python<'py>,
+    vehicle: &Vehicle,
+    sensors: &Sensors,
+    wheel: &str,
+    channel: &str,
+    load_n: Doubles<'py>,
+    axial_counts: Option<Doubles<'py>>,
+    moment_n_m: Option<Doubles<'py>>,
+    bending_counts: Option<Doubles<'py>>,
+    temperature_c: Option<Doubles<'py>>,
+    load_sigma: f64,
+    known_calibration: Option<&Bound<'py, PyDict>>,
+) -> Found<'py> {
+    let known = known(vehicle, known_calibration)?;
+    let load_n = column("load_n", Some(&load_n))?;
+    let optional = |name: &'static str, values: Option<&Doubles<'py>>| {
+        let values = values
+            .map(|values| column(name, Some(values)))
+            .transpose()?;
+        if let Some(values) = &values {
+            same_length(&[("load_n", load_n.len()), (name, values.len())])?;
+        }
+        PyResult::Ok(values)
+    };
+    let axial = optional("axial_counts", axial_counts.as_ref())?;
+    let moment = optional("moment_n_m", moment_n_m.as_ref())?;
+    let bending = optional("bending_counts", bending_counts.as_ref())?;
+    let temperature = optional("temperature_c", temperature_c.as_ref())?;
+    let at = |values: &Option<Vec<f64>>, row: usize| values.as_ref().map(|values| values[row]);
+    let rows: Vec<BenchLoad> = (0..load_n.len())
+        .map(|row| BenchLoad {
+            load_n: load_n[row],
+            moment_n_m: at(&moment, row).unwrap_or_default(),
+            axial_counts: at(&axial, row),
+            bending_counts: at(&bending, row),
+            temperature_c: at(&temperature, row),
+        })
+        .collect();
+    let bench = Bench {
+        wheel: input::wheel(wheel)?,
+        member: StrainChannel::from_name(channel).ok_or_else(|| {
+            errors::argument(format!(
+                "channel = {channel:?}: must be upper_front, upper_rear, lower_front, lower_rear or tie_rod"
+            ))
+        })?,
+        load_sigma,
+    };
+    let found =
+        member(&vehicle.inner, &sensors.inner, &known, &rows, &bench).map_err(|e| estimator(&e))?;
+    with_table(py, dict(py, &found.findings)?, &found.calibration)
 }
 
 fn texts<'py>(py: Python<'py>, faults: &[impl ToString]) -> PyResult<Bound<'py, PyList>> {

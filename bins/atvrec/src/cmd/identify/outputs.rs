@@ -23,7 +23,9 @@ impl Outputs {
             | IdentifyCommand::RollPitch(args)
             | IdentifyCommand::Understeer(args)
             | IdentifyCommand::Friction(args)
-            | IdentifyCommand::Slip(args) => inputs(args),
+            | IdentifyCommand::Slip(args)
+            | IdentifyCommand::Camber(args)
+            | IdentifyCommand::Aligning(args) => inputs(args),
             IdentifyCommand::Tyre(args) => inputs(&args.shared),
             IdentifyCommand::Inertia(args) => inputs(&args.shared),
             IdentifyCommand::Response(args) => inputs(&args.shared),
