@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 88] = [
+pub const EXAMPLES: [(&str, &str); 89] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -207,6 +207,10 @@ pub const EXAMPLES: [(&str, &str); 88] = [
     (
         "atvrec identify mistakes drive.mcap -o corrected.toml",
         "mistakes of the configuration",
+    ),
+    (
+        "atvrec identify latency drive.mcap -o learnt.toml",
+        "latencies of messages that the configuration does not know",
     ),
     (
         "atvrec identify inertia swing.mcap --pendulum compound --arm-m 1.2",

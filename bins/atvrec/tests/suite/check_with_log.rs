@@ -14,7 +14,7 @@ fn recorded(directory: &Path) {
             "--manoeuvre",
             "mixed-driving",
             "--for",
-            "40",
+            "60",
         ])
         .args(["--output", "minute.mcap"])
         .assert()

@@ -158,7 +158,7 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/motion",
             motion_columns(),
-            (11_273_237_630_979_332_352, 8_800),
+            (739_834_632_445_015_128, 8_800),
         ),
         (
             "/estimate/contact_forces",

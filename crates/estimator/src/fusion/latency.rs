@@ -356,6 +356,7 @@ mod tests {
         let sigmas_s = [1.4e-3, 0.7e-3];
         let tuning = LatencyTuning {
             independent: 1.0,
+            own_power: 0.0,
             walk_s_sqrt_s: 0.0,
             bound_sigma: 1e3,
             ..LatencyTuning::default()
@@ -400,7 +401,11 @@ mod tests {
         for stream in 0..2 {
             let (learnt_s, sigma_s) = latencies.of(stream).unwrap();
             let variance_s2 = together.covariance[(SIZE + stream, SIZE + stream)];
-            assert!((learnt_s - together.state[SIZE + stream]).abs() < 1e-9);
+            let expected_s = together.state[SIZE + stream];
+            assert!(
+                (learnt_s - expected_s).abs() < 1e-9,
+                "{learnt_s} {expected_s}"
+            );
             assert!(learnt_s.abs() > 1e-4, "{learnt_s}");
             assert!((sigma_s / variance_s2.sqrt() - 1.0).abs() < 1e-9);
         }

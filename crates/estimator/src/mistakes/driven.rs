@@ -34,10 +34,10 @@ impl Driven {
         }
     }
 
-    /// Times that are missing for a decision: of all driving, and of bends, s.
+    /// Times that are missing for a decision: of all driving, and of bends, whole s.
     fn missing_s(&self, tuning: &MistakeTuning) -> [f64; 2] {
         let [used_s, turning_s] = tuning.decisive_s;
-        [used_s - self.used_s, turning_s - self.turning_s].map(|missing| missing.max(0.0))
+        [used_s - self.used_s, turning_s - self.turning_s].map(|missing| missing.max(0.0).ceil())
     }
 
     /// Whether a drive without a mistake shows that the configuration is right.
