@@ -28,6 +28,7 @@ mod second_filter;
 mod sensitivity;
 mod smoother;
 mod subsets;
+mod terrain;
 mod truth;
 
 #[global_allocator]
