@@ -9,7 +9,9 @@
 //!
 //! A class has a mean m and a standard deviation d of each feature. A feature x with the standard deviation s has the
 //! density N(x; m, d^2 + s^2). A lower bound b of a feature has the probability of a value above it,
-//! Phi((m - b)/d). The class "unknown" has wide standard deviations: it is the most probable where no class fits. A
+//! Phi((m - b)/d). The filter lowers the density of the load's noise slowly after a step of the ground or on smoother
+//! ground: while the density falls faster than `road_falls_1_s`, it is an upper bound with the probability
+//! Phi((x - m)/sqrt(d^2 + s^2)). The class "unknown" has wide standard deviations: it is the most probable where no class fits. A
 //! feature that is not known does not count. With the product L of the densities, the probabilities p follow
 //! from those of the last time by the forward step of the hidden Markov model (Rabiner, A tutorial on hidden Markov
 //! models, Proc. IEEE 77, 1989, section III.A):
@@ -29,6 +31,10 @@ const CLASSES: usize = TerrainClass::COUNT;
 /// Number of features.
 const FEATURES: usize = 4;
 
+/// Features that can be bounds.
+const FRICTION: usize = 0;
+const ROAD: usize = 3;
+
 /// A value with its standard deviation; `NaN` where not known.
 type Feature = [f64; 2];
 
@@ -42,6 +48,14 @@ pub struct TerrainEstimator {
     file_resistance: [f64; 2],
     probability: [f64; CLASSES],
     resistance: Resistance,
+    road: RoadDensity,
+}
+
+/// Ln of the density of the road and the fading mean of its rate, 1/s.
+#[derive(Clone, Copy, Debug, Default)]
+struct RoadDensity {
+    before: Option<f64>,
+    rate_1_s: f64,
 }
 
 /// Fading means of the rolling resistance over load and of its standard deviation.
@@ -72,6 +86,7 @@ impl TerrainEstimator {
             file_resistance: axles.map(|axle: &Axle| axle.tyre.rolling_resistance),
             probability: [1.0 / CLASSES as f64; CLASSES],
             resistance: Resistance::default(),
+            road: RoadDensity::default(),
         }
     }
 
@@ -111,11 +126,11 @@ impl TerrainEstimator {
         let features = self.features(grip, road_density);
         let bound = [0, 1].map(|i| grip[i].friction_min / self.file_friction[i]);
         let bound_ln = math::ln(bound[0].max(bound[1]).max(t.bound_min));
-        eprintln!("FEAT {} {features:?} {bound_ln}", now.0 / 100_000_000 - 10_000);
+        let falls = self.road.falls(dt, features[ROAD][0], t);
         let changes = (dt / t.stays_s).min(1.0);
         let weight = (dt / t.correlation_s).min(1.0);
         let logs: [f64; CLASSES] = std::array::from_fn(|class| {
-            weight * log_likelihood(&features, bound_ln, &t.class(class))
+            weight * log_likelihood(&features, bound_ln, falls, &t.class(class))
         });
         let most = logs.into_iter().fold(f64::NEG_INFINITY, f64::max);
         for (probability, log) in self.probability.iter_mut().zip(logs) {
@@ -135,7 +150,9 @@ impl TerrainEstimator {
             .into_iter()
             .find(|class| self.probability[class.index()] >= t.named_min);
         let [resistance, sigma] = self.resistance.feature(t);
-        let file = self.free_axle.map_or(0.0, |free| self.file_resistance[free]);
+        let file = self
+            .free_axle
+            .map_or(0.0, |free| self.file_resistance[free]);
         Terrain {
             time: now,
             class: named.unwrap_or(TerrainClass::Unknown),
@@ -148,7 +165,8 @@ impl TerrainEstimator {
     fn features(&self, grip: [&AxleGrip; 2], road_density: f64) -> [Feature; FEATURES] {
         let t = &self.tuning;
         let friction = [0, 1].map(|axle| {
-            let (Some(value), Some(sigma)) = (grip[axle].friction, grip[axle].friction_sigma) else {
+            let (Some(value), Some(sigma)) = (grip[axle].friction, grip[axle].friction_sigma)
+            else {
                 return [f64::NAN; 2];
             };
             [math::ln(value / self.file_friction[axle]), sigma / value]
@@ -166,6 +184,16 @@ impl TerrainEstimator {
     }
 }
 
+impl RoadDensity {
+    /// Takes the present value; tells whether the density falls as fast as the filter lets it.
+    fn falls(&mut self, dt: f64, now_ln: f64, tuning: &TerrainTuning) -> bool {
+        let before = self.before.replace(now_ln).unwrap_or(now_ln);
+        let part = (dt / tuning.road_rate_s).min(1.0);
+        self.rate_1_s += part * ((now_ln - before) / dt - self.rate_1_s);
+        self.rate_1_s < -tuning.road_falls_1_s
+    }
+}
+
 impl Resistance {
     fn take(&mut self, dt: f64, [value, sigma]: Feature, memory_s: f64) {
         self.span_s += dt;
@@ -178,10 +206,7 @@ impl Resistance {
         if self.span_s < tuning.resistance_min_s {
             return [f64::NAN; 2];
         }
-        [
-            self.mean,
-            math::hypot(self.sigma, tuning.resistance_sigma),
-        ]
+        [self.mean, math::hypot(self.sigma, tuning.resistance_sigma)]
     }
 }
 
@@ -199,26 +224,29 @@ fn mean(axles: [Feature; 2]) -> Feature {
 }
 
 /// Logarithm of the density of the known features in a class, whose features have means and standard deviations. The
-/// first feature has a lower bound where it is not known.
+/// friction has a lower bound where it is not known. The density of a road that falls is an upper bound.
 fn log_likelihood(
     features: &[Feature; FEATURES],
     bound: f64,
+    road_falls: bool,
     class: &[Feature; FEATURES],
 ) -> f64 {
-    let known = features.iter().zip(class);
-    let densities: f64 = known
-        .filter(|([value, _], _)| value.is_finite())
-        .map(|([value, sigma], [mean, spread])| {
-            let variance = sigma * sigma + spread * spread;
-            -0.5 * ((value - mean) * (value - mean) / variance + math::ln(variance))
-        })
-        .sum();
-    if features[0][0].is_finite() {
-        densities
-    } else {
-        let [mean, spread] = class[0];
-        densities - math::ln(1.0 + math::exp(-LOGISTIC * (mean - bound) / spread))
-    }
+    let of_feature = |feature: usize| {
+        let ([value, sigma], [mean, spread]) = (features[feature], class[feature]);
+        let variance = sigma * sigma + spread * spread;
+        match feature {
+            FRICTION if value.is_nan() => log_probability((mean - bound) / spread),
+            _ if value.is_nan() => 0.0,
+            ROAD if road_falls => log_probability((value - mean) / variance.sqrt()),
+            _ => -0.5 * ((value - mean) * (value - mean) / variance + math::ln(variance)),
+        }
+    };
+    (0..FEATURES).map(of_feature).sum()
+}
+
+/// Ln of the probability of a standard normal value below x.
+fn log_probability(x: f64) -> f64 {
+    -math::ln(1.0 + math::exp(-LOGISTIC * x))
 }
 
 /// 1/(1 + e^(-1.702 x)) differs from the normal distribution's integral by less than 0.01 (Johnson and Kotz, Continuous

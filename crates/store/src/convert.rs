@@ -441,9 +441,7 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
             time,
             &pb::Limits::decode(data)?,
         ))),
-        "atvrec.Terrain" => {
-            Record::Terrain(terrain_from_proto(time, &pb::Terrain::decode(data)?))
-        }
+        "atvrec.Terrain" => Record::Terrain(terrain_from_proto(time, &pb::Terrain::decode(data)?)),
         "atvrec.Friction" => Record::Friction {
             time,
             coefficient: match direct::friction(data) {

@@ -92,7 +92,8 @@ fn a_soil_differs_from_that_of_its_name_by_factors() {
         "[part.pit]\nkind = \"soil\"\nsoil = \"loam\"\nstiffness = 0.5\ncohesion = 2\nfriction_added_deg = 3\n",
     );
     let found = road.soil(0.0, 0.0).expect("loam").soil;
-    let close = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-12, "{found}");
+    let close =
+        |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-12, "{found}");
     close(found.cohesive_modulus, 0.5 * 5.27e3);
     close(found.frictional_modulus, 0.5 * 1515.04e3);
     close(found.cohesion_pa, 2.0 * 1.72e3);

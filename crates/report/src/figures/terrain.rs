@@ -44,14 +44,17 @@ pub fn all(curves: &Curves<'_>, all: &mut Vec<Candidate>) {
     if (drawn.iter()).any(|(_, terrain)| terrain.rolling_resistance.is_finite()) {
         let of_load = |terrain: &Terrain| terrain.rolling_resistance;
         let axle = "axle that is not driven";
-        resistance
-            .traces
-            .push(trace(axle, Pen::Measured, &of_load));
+        resistance.traces.push(trace(axle, Pen::Measured, &of_load));
     }
     let caption = "Kind of ground by the forces alone. A class is named from a probability of 0.5; otherwise \
                    the ground is unknown.";
     all.push((
-        timed("terrain", "Ground", caption, vec![probability, named, resistance]),
+        timed(
+            "terrain",
+            "Ground",
+            caption,
+            vec![probability, named, resistance],
+        ),
         "the log has no kind of ground (/estimate/terrain)",
     ));
 }

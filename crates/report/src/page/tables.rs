@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use sample::{LossPlace, TerrainClass};
 use sample::text::{html, html_lines};
+use sample::{LossPlace, TerrainClass};
 use store::Attachment;
 
 use crate::drive::Drive;
@@ -99,7 +99,10 @@ fn terrain(drive: &Drive, body: &mut String) {
     for class in TerrainClass::ALL {
         let part = 100.0 * drive.terrain_named[class.index()] as f64 / all as f64;
         let name = class.name();
-        let _ = write!(body, "<tr><td>{name}</td><td class=\"n\">{part:.0}</td></tr>");
+        let _ = write!(
+            body,
+            "<tr><td>{name}</td><td class=\"n\">{part:.0}</td></tr>"
+        );
     }
     body.push_str("</table></div>");
 }

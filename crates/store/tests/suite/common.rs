@@ -11,8 +11,8 @@ use sample::{
     GnssPosition, GnssVelocity, GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations,
     Limit, LimitedBy, Limits, LimitsUnknown, LogTime, LossPlace, Measurement, Motion, Notice,
     Parameters, Payload, PerWheel, Road, RoadPlane, RoadRoughness, Rollover, Sample, Severity,
-    Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, Terrain, TerrainClass, TyreForce, Wheel,
-    WheelSpeedSample,
+    Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, Terrain, TerrainClass,
+    TyreForce, Wheel, WheelSpeedSample,
 };
 
 /// Log clock at the start of the run.
