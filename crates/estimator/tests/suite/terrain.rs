@@ -64,7 +64,8 @@ fn surface(class: TerrainClass, other: bool, number: u64) -> Surface {
         (TerrainClass::Unknown, _) => match number % 3 {
             0 => Firm([0.12, 0.25], ["A", "B"]),
             1 => Soil("clay", [0.1, 0.3], ["B", "C"]),
-            _ => Soil("snow", [0.04, 0.1], ["A", "B"]),
+            // Packed snow.
+            _ => Firm([0.25, 0.4], ["A", "B"]),
         },
     }
 }
