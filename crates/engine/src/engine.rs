@@ -208,6 +208,7 @@ impl Engine {
                 records.push(Record::Parameters(Box::new(parameters)))
             }
             Output::Limits(limits) => records.push(Record::Limits(Box::new(limits))),
+            Output::Terrain(terrain) => records.push(Record::Terrain(terrain)),
             Output::Road(road) => records.push(Record::Road {
                 stage: Stage::Estimate,
                 road: Box::new(road),

@@ -15,12 +15,13 @@ mod road;
 mod sensors;
 mod stages;
 mod temperature;
+mod terrain;
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
     Estimate, Event, Limits, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Road,
-    Sample, SourceId, Wheel,
+    Sample, SourceId, Terrain, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -40,6 +41,7 @@ use crate::planar::Planar;
 use crate::road::{RoadEstimator, SlopeFilter};
 use crate::smoother::Step;
 use crate::steering_column::SteeringColumn;
+use crate::terrain::TerrainEstimator;
 use crate::tuning::Tuning;
 use crate::waiting::{Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
@@ -75,6 +77,8 @@ pub enum Output {
     /// What the vehicle can still do, at each tenth of a second of the log clock, before the estimate of the instant, for
     /// vehicles with the force filter.
     Limits(Limits),
+    /// The kind of ground, at each tenth of a second of the log clock, after the limits.
+    Terrain(Terrain),
     /// Estimated parameters, at each full second of the log clock, after the estimate.
     Parameters(Parameters),
     /// An event.
@@ -122,6 +126,7 @@ pub struct Estimator {
     road: Option<RoadEstimator>,
     slope: SlopeFilter,
     limits: Option<LimitsEstimator>,
+    terrain: TerrainEstimator,
     /// Longitudinal slips of the last step.
     slip_before: [f64; 4],
     planar: Option<Planar>,
@@ -212,6 +217,7 @@ impl Estimator {
                 .is_some()
                 .then(|| LimitsEstimator::new(vehicle, settings.curve_radius_m, &t.limits)),
             slip_before: [f64::NAN; 4],
+            terrain: TerrainEstimator::new(vehicle, &t.terrain),
             fusion,
             feedback: EstimatorFeedback::default(),
             moving_since: None,
@@ -401,6 +407,7 @@ impl Estimator {
         }
         self.watch_mistakes(time, out);
         self.find_limits(time, &motion, &measured, &rollover, settled, out);
+        self.classify_terrain(time, &motion, &measured, settled, out);
         self.feedback = self.feed_back(measured, steering_wheel);
         let estimate = Estimate {
             time,

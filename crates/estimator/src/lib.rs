@@ -45,6 +45,7 @@ pub mod specification;
 mod statics;
 mod statistics;
 mod steering_column;
+mod terrain;
 pub mod trace;
 pub mod triads;
 pub mod tuning;

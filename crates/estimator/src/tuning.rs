@@ -19,6 +19,7 @@ mod motion;
 mod planar;
 mod road;
 mod slip;
+mod terrain;
 mod vertical;
 mod watch;
 
@@ -36,6 +37,7 @@ pub use motion::{AidingTuning, JumpTuning, MotionTuning, ReceiverTuning};
 pub use planar::{PlanarInputTuning, PlanarTuning};
 pub use road::RoadTuning;
 pub use slip::SlipTuning;
+pub use terrain::TerrainTuning;
 pub use vertical::{ExpectedTuning, LiftTuning, StaticsTuning};
 pub use watch::{
     BiasWatchTuning, HubWatchTuning, ImuConsistencyTuning, InertialWatchTuning,
@@ -147,6 +149,7 @@ tuning! {
         group road: RoadTuning;
         group slip: SlipTuning;
         group limits: LimitsTuning;
+        group terrain: TerrainTuning;
         group planar: PlanarTuning;
         group inertial_forces: InertialForcesTuning;
     }

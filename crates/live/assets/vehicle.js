@@ -106,8 +106,21 @@ function limit(found, text, decimals, unit) {
   return known(found?.value) ? `${text(found.value, decimals)}, ${least}` : least;
 }
 
+// The class of ground that is named, with its probability; the most probable one where none is.
+function ground(terrain) {
+  if (!terrain) return "–";
+  const names = ["asphalt", "gravel", "loam", "sand", "unknown"];
+  const most = terrain.probability.reduce((best, p, k, all) => p > all[best] ? k : best, 0);
+  const likely = `${names[most]} ${number(100 * terrain.probability[most])} %`;
+  return terrain.class === names[most] ? likely : `unknown (${likely})`;
+}
+
+function spread(value, sigma) {
+  return value === null || value === undefined ? "–" : `${number(value, 2)} ± ${number(sigma, 2)}`;
+}
+
 function showMotion(values) {
-  const { motion, rollover, parameters, limits, next_lift: next } = values;
+  const { motion, rollover, parameters, limits, terrain, next_lift: next } = values;
   const lift = next ? `${WHEELS[wheelIndex(next.wheel)]} in ${number(next.time_s, 1)} s` : rollover ? "none near" : "–";
   const grip = (axle) => parameters
     ? `${number(100 * axle.utilisation)} ± ${number(100 * axle.utilisation_sigma)} %` : "–";
@@ -129,6 +142,8 @@ function showMotion(values) {
     ["Steepest side slope", limit(limits?.side_slope_rad, degrees, 0, "°")],
     ["Steepest grade", limit(limits?.grade_rad, degrees, 0, "°")],
     ["Limits", limits ? limits.reason ?? "known" : "–"],
+    ["Ground", ground(terrain)],
+    ["Rolling resistance", spread(terrain?.rolling_resistance, terrain?.rolling_resistance_sigma)],
   ];
   if (!motionRows) {
     motionRows = rows.map(([name]) => {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::ws::{Message, WebSocket};
-use sample::{ForceFrame, Limits, LogTime, Motion, Parameters, PerWheel, Rollover};
+use sample::{ForceFrame, Limits, LogTime, Motion, Parameters, PerWheel, Rollover, Terrain};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use store::{ChannelInfo, Record, RowDecoder, Stage};
@@ -22,19 +22,20 @@ const STATUS_PERIOD: Duration = Duration::from_millis(500);
 /// Period of pings, by which a dead connection is noticed.
 const PING: Duration = Duration::from_secs(10);
 /// Topics that every page shows.
-const SHOWN: [&str; 8] = [
+const SHOWN: [&str; 9] = [
     "/estimate/motion",
     "/estimate/tyre_forces",
     "/estimate/contact_forces",
     "/estimate/rollover",
     "/estimate/limits",
+    "/estimate/terrain",
     "/estimate/parameters",
     "/estimate/events",
     "/tf",
 ];
 /// Time for which parameters are shown; they come once a second, s.
 const PARAMETERS_S: f64 = 2.0;
-/// Age of limits from which they are not shown, s: they come ten times a second.
+/// Age of limits and of the kind of ground from which they are not shown, s: they come ten times a second.
 const LIMITS_S: f64 = 0.5;
 /// Most plotted signals of a page, and most values of a signal in one message.
 const PLOTS_MAX: usize = 16;
@@ -93,6 +94,7 @@ struct Parts {
     rollover: Option<Rollover>,
     parameters: Option<Parameters>,
     limits: Option<Limits>,
+    terrain: Option<Terrain>,
     /// East, north and heading of the vehicle.
     place: Option<[f64; 3]>,
     events: Vec<Value>,
@@ -212,6 +214,7 @@ impl Page {
             "next_lift": parts.rollover.and_then(|rollover| rollover.next_lift()),
             "parameters": parts.parameters(),
             "limits": parts.limits(),
+            "terrain": parts.terrain(),
             "place": parts.place,
             "events": std::mem::take(&mut parts.events),
             "plots": plots,
@@ -305,6 +308,12 @@ impl Parts {
         })
     }
 
+    /// The kind of ground, if it belongs to the estimate.
+    fn terrain(&self) -> Option<&Terrain> {
+        let is_near = |of: &&Terrain| of.time.seconds_since(self.time).abs() < LIMITS_S;
+        self.terrain.as_ref().filter(is_near)
+    }
+
     fn take(&mut self, record: Record) {
         match record {
             Record::Motion {
@@ -331,6 +340,7 @@ impl Parts {
             Record::Rollover { rollover, .. } => self.rollover = Some(rollover),
             Record::Parameters(parameters) => self.parameters = Some(*parameters),
             Record::Limits(limits) => self.limits = Some(*limits),
+            Record::Terrain(terrain) => self.terrain = Some(terrain),
             Record::Event(event) => self.events.push(json!(event)),
             Record::Transforms { transforms, .. } => {
                 let mut body = transforms.iter();
@@ -370,6 +380,25 @@ mod tests {
             parts.take(motion(at.offset_seconds(jump_s)));
             assert!(parts.parameters().is_none(), "{jump_s} s");
         }
+    }
+
+    #[test]
+    fn the_ground_of_another_position_is_not_shown() {
+        let at = LogTime(100_000_000_000);
+        let mut parts = Parts::default();
+        parts.take(Record::Terrain(Terrain {
+            time: at,
+            class: sample::TerrainClass::Sand,
+            probability: [0.0, 0.0, 0.1, 0.9, 0.0],
+            rolling_resistance: f64::NAN,
+            rolling_resistance_sigma: f64::NAN,
+        }));
+        parts.time = at.offset_seconds(0.1);
+        let shown = json!(parts.terrain());
+        assert_eq!(shown["class"], "sand");
+        assert!(shown["rolling_resistance"].is_null(), "{shown}");
+        parts.time = at.offset_seconds(-30.0);
+        assert!(parts.terrain().is_none());
     }
 
     #[test]

@@ -27,7 +27,8 @@ impl Collected {
             | Output::LaggedRoad(_)
             | Output::Limits(_)
             | Output::Road(_)
-            | Output::Step(_) => {}
+            | Output::Step(_)
+            | Output::Terrain(_) => {}
         }
     }
 

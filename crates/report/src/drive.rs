@@ -6,7 +6,7 @@ mod sources;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use sample::{Event, Health, Limits, LogTime};
+use sample::{Event, Health, Limits, LogTime, Terrain, TerrainClass};
 use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset};
 
 use crate::figures::WHEELS;
@@ -17,10 +17,11 @@ pub use learnt::{Grip, Learnt};
 pub use sources::{SourceRates, local_m, place_of};
 
 /// Topics whose messages are read one by one; they are few.
-const RECORDS: [&str; 8] = [
+const RECORDS: [&str; 9] = [
     "/estimate/events",
     "/estimate/parameters",
     "/estimate/limits",
+    "/estimate/terrain",
     "/health",
     "/mark",
     "/log",
@@ -96,6 +97,10 @@ pub struct Drive {
     pub learnt: Learnt,
     /// What the vehicle could still do: the limits that are drawn, with their seconds since the start.
     pub reachable: Vec<(f64, Limits)>,
+    /// The kind of ground: what is drawn, with its seconds since the start.
+    pub terrain: Vec<(f64, Terrain)>,
+    /// Number of messages in which each class of ground is named.
+    pub terrain_named: [usize; TerrainClass::COUNT],
     /// Declared events.
     pub events: Vec<Event>,
     /// Marks set by people.
@@ -389,6 +394,15 @@ impl Drive {
                 let last = self.reachable.last();
                 if last.is_none_or(|(last_s, _)| time_s >= last_s + next_s) {
                     self.reachable.push((time_s, *limits));
+                }
+            }
+            Record::Terrain(terrain) => {
+                self.terrain_named[terrain.class.index()] += 1;
+                let time_s = self.seconds(terrain.time);
+                let next_s = self.thinning.stretch_s(0.0);
+                let last = self.terrain.last();
+                if last.is_none_or(|(last_s, _)| time_s >= last_s + next_s) {
+                    self.terrain.push((time_s, terrain));
                 }
             }
             Record::Health(health) => self.health = Some(health),

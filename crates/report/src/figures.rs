@@ -4,6 +4,7 @@ mod curves;
 mod diagrams;
 mod limits;
 mod sensors;
+mod terrain;
 mod vehicle;
 
 use std::borrow::Cow;
@@ -72,6 +73,7 @@ impl Figures {
         vehicle::motion(&mut curves, &mut candidates);
         vehicle::grip(&mut curves, &mut candidates);
         limits::all(&curves, &mut candidates);
+        terrain::all(&curves, &mut candidates);
         drop(reference);
         let mut curves = Curves::new(drive, None, options, blob);
         diagrams::all(&mut curves, &mut candidates);

@@ -24,6 +24,7 @@ mod limits;
 mod measurement;
 mod road;
 mod stamp;
+mod terrain;
 pub mod text;
 mod wheel;
 
@@ -42,6 +43,7 @@ pub use measurement::{
 };
 pub use road::{Road, RoadPlane, RoadRoughness, RoadUnknown, road_class};
 pub use stamp::{LogTime, NANOS_PER_SECOND};
+pub use terrain::{Terrain, TerrainClass};
 pub use wheel::{Axle, PerWheel, Side, Wheel};
 
 /// Standard gravity in m/s^2 (3rd CGPM, 1901).

@@ -6,6 +6,7 @@ mod limits;
 mod road;
 mod scene;
 mod sensor;
+mod terrain;
 
 use std::sync::Arc;
 
@@ -30,6 +31,7 @@ use road::{friction_from_proto, road_from_proto, road_to_proto};
 
 pub(crate) use direct::{forces, motion};
 use sensor::{decode_measurement, emit_sample};
+use terrain::{terrain_from_proto, terrain_to_proto};
 
 /// A message ready for its channel. Messages of a channel share its texts.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -276,6 +278,10 @@ pub(crate) fn encode(
             let message = limits_to_proto(limits);
             to.fixed("/estimate/limits", limits.time, &message);
         }
+        Record::Terrain(terrain) => {
+            let message = terrain_to_proto(terrain);
+            to.fixed("/estimate/terrain", terrain.time, &message);
+        }
         Record::Friction { time, coefficient } => to.friction(*time, *coefficient),
         Record::Ground { time, ground } => to.ground(*time, ground),
         Record::Pose { time, pose } => to.pose(*time, pose),
@@ -435,6 +441,7 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
             time,
             &pb::Limits::decode(data)?,
         ))),
+        "atvrec.Terrain" => Record::Terrain(terrain_from_proto(time, &pb::Terrain::decode(data)?)),
         "atvrec.Friction" => Record::Friction {
             time,
             coefficient: match direct::friction(data) {

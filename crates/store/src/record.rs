@@ -1,6 +1,6 @@
 use sample::{
     Estimate, Event, ForceFrame, Health, Limits, LogTime, Motion, Parameters, PerWheel, Road,
-    Rollover, Sample, Severity, SourceId, TyreForce,
+    Rollover, Sample, Severity, SourceId, Terrain, TyreForce,
 };
 
 use crate::Scene;
@@ -53,6 +53,8 @@ pub enum Record {
     },
     /// What the vehicle can still do.
     Limits(Box<Limits>),
+    /// The kind of ground.
+    Terrain(Terrain),
     /// Friction coefficient of the ground under each wheel: a part of the truth.
     Friction {
         /// The instant.

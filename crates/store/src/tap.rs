@@ -38,13 +38,14 @@ const MESSAGE_HEAD: usize = 18;
 /// A kind of records that nobody wants is encoded again after this time: it may have a new topic.
 const LOOK_AGAIN_NS: i64 = sample::NANOS_PER_SECOND;
 /// Channels that are announced at the start, so that a reader misses no rare message of theirs.
-const ANNOUNCED: [(&str, &str); 15] = [
+const ANNOUNCED: [(&str, &str); 16] = [
     ("/estimate/motion", "atvrec.Motion"),
     ("/estimate/tyre_forces", "atvrec.TyreForces"),
     ("/estimate/contact_forces", "atvrec.TyreForces"),
     ("/estimate/rollover", "atvrec.Rollover"),
     ("/estimate/road", "atvrec.Road"),
     ("/estimate/limits", "atvrec.Limits"),
+    ("/estimate/terrain", "atvrec.Terrain"),
     ("/estimate/parameters", "atvrec.Parameters"),
     ("/estimate/events", "atvrec.Event"),
     ("/model/tyre_forces", "atvrec.TyreForces"),
@@ -293,6 +294,7 @@ fn time_of(record: &Record) -> LogTime {
         | Record::Transforms { time, .. } => *time,
         Record::Road { road, .. } => road.time,
         Record::Limits(limits) => limits.time,
+        Record::Terrain(terrain) => terrain.time,
         Record::Parameters(parameters) => parameters.time,
         Record::Event(event) => event.time,
         Record::Health(health) => health.time,

@@ -4,7 +4,7 @@ use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{Estimate, Event, Limits, Parameters, Road, Sample, Wheel};
+use sample::{Estimate, Event, Limits, Parameters, Road, Sample, Terrain, Wheel};
 
 use crate::sensing;
 use crate::truth::{RATE_HZ, Run};
@@ -31,6 +31,8 @@ pub struct Estimated {
     pub lagged_roads: Vec<Road>,
     /// What the vehicle can still do, each 100 ms.
     pub limits: Vec<Limits>,
+    /// The kind of ground, each 100 ms.
+    pub terrains: Vec<Terrain>,
     /// Grip of the axles, each second.
     pub parameters: Vec<Parameters>,
     /// Events in their order.
@@ -59,6 +61,7 @@ pub fn estimate(
             Output::Lagged(estimate) => result.lagged.push(estimate),
             Output::Road(road) => result.roads.push(road),
             Output::LaggedRoad(road) => result.lagged_roads.push(road),
+            Output::Terrain(terrain) => result.terrains.push(terrain),
             Output::Limits(limits) => result.limits.push(limits),
             Output::Parameters(parameters) => result.parameters.push(parameters),
             Output::Step(_) => {}

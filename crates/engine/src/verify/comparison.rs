@@ -29,9 +29,10 @@ const HEALTH: &str = "/health";
 /// Topics of the estimator.
 const ESTIMATED: [&str; 4] = ["/estimate/", "/model/", SMOOTHED, LAGGED];
 /// Topics that logs of earlier versions do not contain.
-const LATER: [&str; 6] = [
+const LATER: [&str; 7] = [
     "/utc_offset",
     "/estimate/limits",
+    "/estimate/terrain",
     TYRE_FORCES,
     "/smoothed/tyre_forces",
     "/tf",

@@ -270,7 +270,8 @@ fn estimate(
             | Output::Limits(_)
             | Output::Road(_)
             | Output::Parameters(_)
-            | Output::Step(_) => {}
+            | Output::Step(_)
+            | Output::Terrain(_) => {}
         });
         estimator.push(sample);
     }

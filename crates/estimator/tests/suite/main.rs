@@ -30,6 +30,7 @@ mod sensitivity;
 mod slippery;
 mod smoother;
 mod subsets;
+mod terrain;
 mod truth;
 
 #[global_allocator]

@@ -433,7 +433,12 @@ fn soil(reader: &mut Reader<'_, '_, '_>) -> Option<(Extent, Shape)> {
         soil
     });
     let depth_m = reader.number("depth_m", 0.001..=1.0, 1.0);
+    let [stiffness, cohesion] = ["stiffness", "cohesion"].map(|factor| {
+        // A factor on what the soil of this name has: soils of one name differ by moisture and density.
+        reader.number(factor, 0.1..=10.0, 1.0)
+    });
+    let steeper_deg = reader.number("friction_added_deg", -10.0..=10.0, 0.0);
     let extent = reader.extent(0.0);
-    let soil = soil?;
+    let soil = soil?.changed(stiffness, cohesion, steeper_deg.to_radians());
     Some((extent, Shape::Soil(SoftLayer { soil, depth_m })))
 }

@@ -93,6 +93,18 @@ impl Soil {
         Self::ALL.into_iter().find(|soil| soil.name == name)
     }
 
+    /// The soil with factors on its moduli of sinkage and its cohesion, and an angle that adds to that of the internal
+    /// friction, rad.
+    pub(super) fn changed(self, stiffness: f64, cohesion: f64, steeper_rad: f64) -> Self {
+        Self {
+            cohesive_modulus: stiffness * self.cohesive_modulus,
+            frictional_modulus: stiffness * self.frictional_modulus,
+            cohesion_pa: cohesion * self.cohesion_pa,
+            friction_rad: self.friction_rad + steeper_rad,
+            ..self
+        }
+    }
+
     /// Stiffness k_c/b + k_phi below a wheel of this width, N/m^(n+2).
     fn stiffness(&self, width_m: f64) -> f64 {
         self.cohesive_modulus / width_m + self.frictional_modulus

@@ -87,6 +87,22 @@ fn parts_add_up_within_their_extents() {
 }
 
 #[test]
+fn a_soil_differs_from_that_of_its_name_by_factors() {
+    let road = road(
+        "[part.pit]\nkind = \"soil\"\nsoil = \"loam\"\nstiffness = 0.5\ncohesion = 2\nfriction_added_deg = 3\n",
+    );
+    let found = road.soil(0.0, 0.0).expect("loam").soil;
+    let close =
+        |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-12, "{found}");
+    close(found.cohesive_modulus, 0.5 * 5.27e3);
+    close(found.frictional_modulus, 0.5 * 1515.04e3);
+    close(found.cohesion_pa, 2.0 * 1.72e3);
+    close(found.friction_rad, 32.0_f64.to_radians());
+    let found = problem("[part.pit]\nkind = \"soil\"\nsoil = \"loam\"\nstiffness = 0\n");
+    names(&found, &["part.pit.stiffness", "0.1"]);
+}
+
+#[test]
 fn twist_ditches_alternate_between_the_sides() {
     let road = road(
         "[part.ditches]\nkind = \"twist-ditches\"\nlength_m = 2\nspacing_m = 3\ndepth_m = 0.2\n\

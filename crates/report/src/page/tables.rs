@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use sample::LossPlace;
 use sample::text::{html, html_lines};
+use sample::{LossPlace, TerrainClass};
 use store::Attachment;
 
 use crate::drive::Drive;
@@ -47,6 +47,7 @@ pub fn learnt(drive: &Drive, body: &mut String) {
     );
     body.push_str("</table></div>");
     limits(drive, body);
+    terrain(drive, body);
 }
 
 /// The limits at the end of the drive.
@@ -84,6 +85,26 @@ fn limits(drive: &Drive, body: &mut String) {
         "<p>Limits at the end of the drive: {}.</p>",
         html(&parts.join("; "))
     );
+}
+
+/// Part of the drive on each kind of ground.
+fn terrain(drive: &Drive, body: &mut String) {
+    let all: usize = drive.terrain_named.iter().sum();
+    if all == 0 {
+        return;
+    }
+    body.push_str(
+        "<div class=\"wide\"><table><tr><th>kind of ground</th><th class=\"n\">part of the drive, %</th></tr>",
+    );
+    for class in TerrainClass::ALL {
+        let part = 100.0 * drive.terrain_named[class.index()] as f64 / all as f64;
+        let name = class.name();
+        let _ = write!(
+            body,
+            "<tr><td>{name}</td><td class=\"n\">{part:.0}</td></tr>"
+        );
+    }
+    body.push_str("</table></div>");
 }
 
 pub fn sources(drive: &Drive, body: &mut String) {

@@ -1,6 +1,6 @@
 //! The numbers behind a report.
 
-use sample::LossPlace;
+use sample::{LossPlace, TerrainClass};
 use serde_json::{Map, Value, json};
 
 use super::{Axis, Summary, WheelRow};
@@ -29,6 +29,15 @@ impl Summary {
             .zip(self.lost)
             .map(|(place, lost)| (place.name().to_owned(), json!(lost)))
             .collect();
+        let named: usize = drive.terrain_named.iter().sum();
+        let terrain: Map<String, Value> = TerrainClass::ALL
+            .into_iter()
+            .filter(|_| named > 0)
+            .map(|class| {
+                let part = drive.terrain_named[class.index()] as f64 / named as f64;
+                (class.name().to_owned(), json!(part))
+            })
+            .collect();
         let rows = self.vehicle_rows.iter();
         let vehicle: Map<String, Value> = rows
             .map(|row| {
@@ -52,6 +61,7 @@ impl Summary {
             "verdict": self.verdict,
             "missing": drive.missing,
             "limits": drive.limits,
+            "terrain": terrain,
             "lost": lost,
             "wheels": self.wheels.iter().map(wheel).collect::<Vec<_>>(),
             "vehicle_values": vehicle,

@@ -920,6 +920,41 @@ impl ::prost::Name for Limits {
         "/atvrec.Limits".into()
     }
 }
+/// The kind of ground below the tyres, by forces alone.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Terrain {
+    /// The class that is named: TERRAIN_CLASS_UNKNOWN unless one class is probable enough.
+    #[prost(enumeration = "TerrainClass", tag = "1")]
+    pub class: i32,
+    /// Probability of each class.
+    #[prost(double, tag = "2")]
+    pub asphalt: f64,
+    #[prost(double, tag = "3")]
+    pub gravel: f64,
+    #[prost(double, tag = "4")]
+    pub loam: f64,
+    #[prost(double, tag = "5")]
+    pub sand: f64,
+    /// None of these, or too little is known.
+    #[prost(double, tag = "6")]
+    pub unknown: f64,
+    /// Rolling resistance over load.
+    #[prost(double, optional, tag = "7")]
+    pub rolling_resistance: ::core::option::Option<f64>,
+    /// Its standard deviation.
+    #[prost(double, optional, tag = "8")]
+    pub rolling_resistance_sigma: ::core::option::Option<f64>,
+}
+impl ::prost::Name for Terrain {
+    const NAME: &'static str = "Terrain";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.Terrain".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.Terrain".into()
+    }
+}
 /// Rollover indicators from the loads of /estimate/contact_forces. No message if the loads are unknown.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Rollover {
@@ -1599,6 +1634,46 @@ impl LimitedBy {
             "LIMITED_BY_FRONT_GRIP" => Some(Self::FrontGrip),
             "LIMITED_BY_REAR_GRIP" => Some(Self::RearGrip),
             "LIMITED_BY_ROLLOVER" => Some(Self::Rollover),
+            _ => None,
+        }
+    }
+}
+/// A class of ground.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum TerrainClass {
+    Unknown = 0,
+    /// Firm and even, much grip.
+    Asphalt = 1,
+    /// Firm and loose.
+    Gravel = 2,
+    /// Soft soil that binds.
+    Loam = 3,
+    /// Soft and loose.
+    Sand = 4,
+}
+impl TerrainClass {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unknown => "TERRAIN_CLASS_UNKNOWN",
+            Self::Asphalt => "TERRAIN_CLASS_ASPHALT",
+            Self::Gravel => "TERRAIN_CLASS_GRAVEL",
+            Self::Loam => "TERRAIN_CLASS_LOAM",
+            Self::Sand => "TERRAIN_CLASS_SAND",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "TERRAIN_CLASS_UNKNOWN" => Some(Self::Unknown),
+            "TERRAIN_CLASS_ASPHALT" => Some(Self::Asphalt),
+            "TERRAIN_CLASS_GRAVEL" => Some(Self::Gravel),
+            "TERRAIN_CLASS_LOAM" => Some(Self::Loam),
+            "TERRAIN_CLASS_SAND" => Some(Self::Sand),
             _ => None,
         }
     }

@@ -11,8 +11,8 @@ use sample::{
     GnssPosition, GnssVelocity, GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations,
     Limit, LimitedBy, Limits, LimitsUnknown, LogTime, LossPlace, Measurement, Motion, Notice,
     Parameters, Payload, PerWheel, Road, RoadPlane, RoadRoughness, Rollover, Sample, Severity,
-    Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel,
-    WheelSpeedSample,
+    Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, Terrain, TerrainClass,
+    TyreForce, Wheel, WheelSpeedSample,
 };
 
 /// Log clock at the start of the run.
@@ -207,6 +207,13 @@ pub fn records(time: LogTime) -> Vec<Record> {
             road: Box::new(road(time)),
         },
         Record::Limits(Box::new(limits(time))),
+        Record::Terrain(Terrain {
+            time,
+            class: TerrainClass::Gravel,
+            probability: [0.1, 0.6, 0.15, 0.05, 0.1],
+            rolling_resistance: 0.03,
+            rolling_resistance_sigma: 0.01,
+        }),
         Record::Parameters(Box::new(parameters(time))),
         Record::Health(health(time)),
         Record::ClockFit(ClockFit {
