@@ -204,9 +204,7 @@ impl Engine {
                 *estimates += u64::from(silent_from.is_some_and(|from| estimate.time >= from));
                 records.push(Record::Estimate(Box::new(estimate)));
             }
-            Output::Parameters(parameters) => {
-                records.push(Record::Parameters(Box::new(parameters)))
-            }
+            Output::Parameters(all) => records.push(Record::Parameters(Box::new(all))),
             Output::Limits(limits) => records.push(Record::Limits(Box::new(limits))),
             Output::Terrain(terrain) => records.push(Record::Terrain(terrain)),
             Output::Road(road) => records.push(Record::Road {

@@ -248,8 +248,7 @@ fn log_likelihood(
 /// from that probability by less than 0.01 (Camilli, Origin of the scaling constant d = 1.7 in item response theory, J.
 /// Educational and Behavioral Statistics 19, 1994).
 fn log_probability(x: f64) -> f64 {
-    const LOGISTIC: f64 = 1.702;
-    -math::ln(1.0 + math::exp(-LOGISTIC * x))
+    -math::ln(1.0 + math::exp(-1.702 * x))
 }
 
 impl TerrainTuning {

@@ -28,9 +28,6 @@ use super::{Fusion, StepInput, StepModel};
 use crate::trace::Operation;
 use crate::tuning::LatencyTuning;
 
-/// Difference of ages over which the rate of a reading is taken, s.
-const RATE_OVER_S: f64 = 1e-3;
-
 /// Rate at which a reading changes with its age.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ageing {
@@ -250,11 +247,10 @@ impl Fusion {
     pub(super) fn ageing(&self, stream: Option<u8>, value: impl Fn(f64) -> f64) -> Option<Ageing> {
         let stream = usize::from(stream?);
         self.latencies.streams.get(stream)?;
-        let [older, newer] = [0.5, -0.5].map(|part| value(part * RATE_OVER_S));
-        Some(Ageing {
-            stream,
-            per_s: (older - newer) / RATE_OVER_S,
-        })
+        // A central difference over a millisecond.
+        let over_s = 1e-3;
+        let per_s = (value(0.5 * over_s) - value(-0.5 * over_s)) / over_s;
+        Some(Ageing { stream, per_s })
     }
 
     /// How the readings of the inertial unit change with their age: accelerometers times the mass, N/s, and gyros,
