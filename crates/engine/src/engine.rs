@@ -422,13 +422,14 @@ fn has_data(payload: &Payload) -> bool {
 }
 
 fn new_estimator(config: &config::Estimator, latencies: Vec<LatencyPrior>) -> Result<Timely> {
-    let estimator = Estimator::new(
+    let mut estimator = Estimator::new(
         &config.vehicle,
         &config.sensors,
         &config.calibration,
         config.settings.clone(),
     )?;
-    Ok(Timely::new(estimator.with_latencies(latencies)))
+    estimator.set_latencies(latencies);
+    Ok(Timely::new(estimator))
 }
 
 /// Motion and forces of a later stage.

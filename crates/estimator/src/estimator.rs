@@ -299,7 +299,7 @@ impl Estimator {
     }
 
     /// As [`push`](Self::push) with a sample of a message whose latency is not known: its place among those of
-    /// [`with_latencies`](Self::with_latencies).
+    /// [`set_latencies`](Self::set_latencies).
     pub fn push_of(&mut self, sample: &Sample, message: Option<usize>) {
         if let Some(planar) = &mut self.planar {
             planar.push(sample, &self.calibration, &self.settings);

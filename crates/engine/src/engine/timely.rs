@@ -113,7 +113,8 @@ struct Point {
 
 /// The estimator, and what is needed to repeat its last steps.
 pub struct Timely {
-    estimator: Estimator,
+    /// On the heap: it is large, and a thread's stack is small.
+    estimator: Box<Estimator>,
     streams: BTreeMap<(SourceId, u32), Stream>,
     /// The next instant.
     next: Option<LogTime>,
@@ -136,7 +137,7 @@ impl Timely {
     /// Before the first sample.
     pub fn new(estimator: Estimator) -> Self {
         Self {
-            estimator,
+            estimator: Box::new(estimator),
             streams: BTreeMap::new(),
             next: None,
             point: None,
@@ -147,12 +148,12 @@ impl Timely {
 
     /// The same with an estimator that hands out its steps.
     pub fn traced(mut self) -> Self {
-        self.estimator = self.estimator.traced();
+        *self.estimator = self.estimator.traced();
         self
     }
 
     /// The estimator after its last step.
-    pub const fn estimator(&self) -> &Estimator {
+    pub fn estimator(&self) -> &Estimator {
         &self.estimator
     }
 
@@ -274,7 +275,7 @@ impl Timely {
 
     fn point_before(&self, step: LogTime) -> Point {
         Point {
-            estimator: Box::new(self.estimator.clone()),
+            estimator: self.estimator.clone(),
             step,
             inputs: Vec::new(),
             events: Vec::new(),
@@ -302,7 +303,7 @@ impl Timely {
         let (Some(point), Some(next)) = (self.point.take(), self.next) else {
             return;
         };
-        self.estimator = *point.estimator;
+        self.estimator = point.estimator;
         let mut inputs = point.inputs;
         inputs.sort_by_key(|(due, _)| *due);
         let mut inputs = inputs.into_iter().peekable();

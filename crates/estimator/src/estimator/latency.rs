@@ -39,21 +39,19 @@ impl LatencyEstimate {
 }
 
 impl Estimator {
-    /// The same with messages whose latencies are not known. [`push_of`](Self::push_of) names the message of a sample
+    /// Sets the messages whose latencies are not known, before the first sample. [`push_of`](Self::push_of) names the message of a sample
     /// by its place among them. Without the force filter, the latencies are not learnt, and only the standard
     /// deviations of GNSS contain theirs. Of more than [`LATENCIES_MAX`] messages, the first count.
-    #[must_use]
-    pub fn with_latencies(mut self, mut priors: Vec<LatencyPrior>) -> Self {
+    pub fn set_latencies(&mut self, mut priors: Vec<LatencyPrior>) {
         priors.truncate(LATENCIES_MAX);
         let sigmas_s: Vec<f64> = priors.iter().map(|prior| prior.sigma_s).collect();
         if let Some(fusion) = &mut self.fusion {
             fusion.learn_latencies(&sigmas_s, self.settings.tuning.latency);
         }
         self.latencies = priors;
-        self
     }
 
-    /// What is known of the latencies, in the order of [`with_latencies`](Self::with_latencies).
+    /// What is known of the latencies, in the order of [`set_latencies`](Self::set_latencies).
     #[must_use]
     pub fn latencies(&self) -> Vec<LatencyEstimate> {
         let part = self.settings.tuning.latency.found_part;

@@ -112,7 +112,7 @@ fn drive(run: &Run, sensors_name: &str, seed: u64, configured: Configured) -> Ou
     let mut estimator =
         Estimator::new(vehicle, &sensors, &calibration, Settings::default()).unwrap();
     if configured == Configured::Prior {
-        estimator = estimator.with_latencies(priors.collect());
+        estimator.set_latencies(priors.collect());
     }
     let mut outcome = Outcome {
         estimates: Vec::new(),
