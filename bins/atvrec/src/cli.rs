@@ -23,7 +23,7 @@ pub use files::{
 };
 pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, IdentifyLatencyArgs, IdentifyMistakesArgs,
-    InertiaArgs, OutputArgs, PendulumKind, RollCentreArgs, TyreArgs,
+    InertiaArgs, JudgedRunArgs, OutputArgs, PendulumKind, RollCentreArgs, TyreArgs,
 };
 pub use import::{
     ImportAlogArgs, ImportCanArgs, ImportCommand, ImportCsvArgs, ImportGnssArgs, ImportInto,

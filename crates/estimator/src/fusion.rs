@@ -53,13 +53,14 @@ mod live_axle;
 mod moments;
 mod process;
 mod propagation;
+mod recording;
 pub mod relations;
 mod transition;
 
 use model::sensors::StrainChain;
 use model::suspension::CornerStatics;
 use model::vehicle::Vehicle;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use sample::{
     ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, TyreForce, Wheel, WheelAxes,
 };
@@ -72,7 +73,6 @@ use crate::innovation::InnovationTally;
 use crate::inputs::Readings;
 use crate::motion::MotionState;
 use crate::process_noise::ProcessNoise;
-use crate::trace::Operation;
 use crate::triads::{Triads, UsedAxes};
 use crate::tuning::{FusionTuning, ProcessNoiseTuning, Tuning};
 
@@ -93,6 +93,7 @@ use lengths::LengthWatch;
 use live_axle::AxleForms;
 use moments::KnownMoment;
 use process::{accel_noise, tipping_noise, torque_noise};
+pub use recording::{FusionTrace, OUTPUTS};
 use relations::RelationWindow;
 
 /// Axes of the moments that are states.
@@ -207,25 +208,6 @@ pub struct ChannelChange {
     pub faulty: bool,
 }
 
-/// States with a smoothed value: forces and angular rates of the body.
-pub const OUTPUTS: [usize; 15] = [
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    9,
-    10,
-    11,
-    BODY_RATE,
-    BODY_RATE + 1,
-    BODY_RATE + 2,
-];
-
 /// States whose corrections adapt the process noise.
 struct Adapting {
     rates: [Gaussian; 12],
@@ -259,19 +241,6 @@ pub struct Forces {
     pub now: PerWheel<TyreForce>,
     /// Two steps before, by what was measured since.
     pub lagged: PerWheel<TyreForce>,
-}
-
-/// Record of one step for a smoother.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FusionTrace {
-    /// Operations since the instant before.
-    pub operations: Vec<Operation<SIZE>>,
-    /// The state, in the order of [`layout`].
-    pub state: SVector<f64, SIZE>,
-    /// Covariances of [`OUTPUTS`] with all states.
-    pub covariance: SMatrix<f64, { OUTPUTS.len() }, SIZE>,
-    /// Variances of [`OUTPUTS`] by latencies that are not known.
-    pub by_latency: [f64; OUTPUTS.len()],
 }
 
 impl Fusion {
@@ -577,23 +546,6 @@ impl Fusion {
                 ..TyreForce::default()
             }
         }))
-    }
-
-    /// Starts recording operations for [`Self::take_trace`].
-    pub fn switch_trace_on(&mut self) {
-        self.covariance.trace.switch_on();
-    }
-
-    /// State, covariance, and the operations since the last call.
-    pub fn take_trace(&mut self) -> FusionTrace {
-        FusionTrace {
-            operations: self.covariance.trace.take(),
-            state: SVector::from(self.state),
-            covariance: SMatrix::from_rows(
-                &OUTPUTS.map(|index| self.covariance.row(index).transpose()),
-            ),
-            by_latency: OUTPUTS.map(|index| self.latencies.state_variance(index)),
-        }
     }
 
     /// Angular rate of the body, rad/s, from gyros and balance of moments.

@@ -6,6 +6,7 @@
 
 pub mod against;
 pub mod aligning;
+mod both_wheels;
 pub mod camber;
 pub mod cornering;
 pub mod drive;

@@ -73,18 +73,15 @@ pub struct IdentifyArgs {
     pub seed: u64,
 }
 
-/// `atvrec identify latency`.
+/// Run whose configuration is judged, and how the result is written.
 #[derive(Debug, Args)]
-pub struct IdentifyLatencyArgs {
+pub struct JudgedRunArgs {
     /// Logs of one run, in the order in which they were recorded.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
     /// Use this configuration instead of the one in the log.
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Write the configuration with the latencies to this TOML file.
-    #[arg(short, long, value_name = "FILE")]
-    pub output: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -93,24 +90,26 @@ pub struct IdentifyLatencyArgs {
     pub replace: Replace,
 }
 
+/// `atvrec identify latency`.
+#[derive(Debug, Args)]
+pub struct IdentifyLatencyArgs {
+    /// The run.
+    #[command(flatten)]
+    pub run: JudgedRunArgs,
+    /// Write the configuration with the latencies to this TOML file.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}
+
 /// `atvrec identify mistakes`.
 #[derive(Debug, Args)]
 pub struct IdentifyMistakesArgs {
-    /// Logs of one run, in the order in which they were recorded.
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Use this configuration instead of the one in the log.
-    #[arg(short, long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
+    /// The run.
+    #[command(flatten)]
+    pub run: JudgedRunArgs,
     /// Write the corrected calibration to this TOML file. What a calibration cannot contain is in its comments.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Print JSON.
-    #[arg(long)]
-    pub json: bool,
-    /// Whether outputs may replace files.
-    #[command(flatten)]
-    pub replace: Replace,
 }
 
 /// Output of the results.

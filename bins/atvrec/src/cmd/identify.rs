@@ -5,15 +5,19 @@ mod latency;
 mod mistakes;
 mod outputs;
 
+use std::path::Path;
+
 use anyhow::Context;
 use engine::config::{TOML_MAX, read_text};
-use engine::{Window, read_drive, read_swing, vehicle_file, vehicle_of};
+use engine::output::{Kind, Target};
+use engine::{Config, Window, read_drive, read_swing, vehicle_file, vehicle_of};
 use estimator::identification::inertia::Pendulum;
 use estimator::identification::{Identified, Method, against, roll_centres, swing, tyre};
 use store::Reader;
 
 use crate::cli::{
-    IdentifyArgs, IdentifyCommand, InertiaArgs, PendulumKind, RollCentreArgs, TyreArgs,
+    IdentifyArgs, IdentifyCommand, InertiaArgs, JudgedRunArgs, PendulumKind, RollCentreArgs,
+    TyreArgs,
 };
 use crate::cmd::findings;
 use crate::exit::{Outcome, UsageError};
@@ -194,4 +198,21 @@ fn roll_centre(args: &RollCentreArgs) -> anyhow::Result<Found> {
         logs: Vec::new(),
         identified,
     })
+}
+
+/// The file that is to be written, if any, the log, and the configuration that is judged.
+fn judged(
+    args: &JudgedRunArgs,
+    output: Option<&Path>,
+) -> anyhow::Result<(Option<Target>, Reader, Config)> {
+    let inputs = args.logs.iter().chain(&args.config).map(|path| &**path);
+    let target = output
+        .map(|path| Target::new(path, Kind::Toml, args.replace.force, inputs))
+        .transpose()?;
+    let reader = Reader::open(&args.logs)?;
+    let config = match &args.config {
+        Some(path) => Config::load(path)?,
+        None => Config::from_attachments(&reader.attachments()?)?,
+    };
+    Ok((target, reader, config))
 }

@@ -15,22 +15,18 @@
 //! Both n_0 and n_1 are estimated, so that the shape of the loss is that of the data. Rows near the limit of grip
 //! are left out, because the loss is not linear there.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
-use super::drive::{series, span_of};
-use super::signals::{smooth, spread, stride};
-use crate::finding::{Excitation, Figure, Finding, Findings, Refusal};
-use crate::regression::{Fit, least_squares};
+use super::both_wheels::{self, Named, Task};
+use super::drive::series;
+use crate::finding::{Figure, Findings, Refusal};
+use crate::regression::Fit;
 
-const WHAT: &str = "aligning moment";
-const ADVICE: &str =
-    "drive slowly changing turns to both sides up to half of the grip, at 5 m/s or faster";
-/// Low-pass of forces and moments.
-const CUTOFF_HZ: f64 = 2.0;
-/// Least data, s.
-const DATA_MIN_S: f64 = 5.0;
-/// Load below which a wheel is not used, N.
-const LOAD_MIN_N: f64 = 100.0;
+const TASK: Task = Task {
+    what: "aligning moment",
+    advice: "drive slowly changing turns to both sides up to half of the grip, at 5 m/s or faster",
+    data_min_s: 5.0,
+};
 /// Largest longitudinal force over the load: its lever arm about the contact point is not modelled.
 const LONGITUDINAL_MAX: f64 = 0.1;
 /// Largest used part of the grip.
@@ -54,6 +50,17 @@ pub struct Data {
     pub load_n: Vec<f64>,
 }
 
+impl Data {
+    fn columns(&self) -> [&[f64]; 4] {
+        [
+            &self.aligning_n_m,
+            &self.longitudinal_n,
+            &self.lateral_n,
+            &self.load_n,
+        ]
+    }
+}
+
 /// What the vehicle file says of the tyres, and how the intervals are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
@@ -71,17 +78,8 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// Usable values of both wheels, left ones first.
-#[derive(Default)]
-struct Rows {
-    moment_n_m: Vec<f64>,
-    lateral_n: Vec<f64>,
-    load_n: Vec<f64>,
-    /// Rows of the left wheel.
-    left: usize,
-    /// Rows in the columns of the wheels.
-    places: Vec<usize>,
-}
+/// Moment, force along the wheel and across it, and load.
+type Rows = both_wheels::Rows<4>;
 
 /// Finds the pneumatic trail of an axle's tyres.
 ///
@@ -91,154 +89,55 @@ struct Rows {
 /// # Errors
 /// Columns that differ in length, too little data, forces that do not change, moments that are unknown.
 pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refusal> {
-    let rows = usable(wheels, options)?;
-    let mut fit = fitted(&rows, options)?;
+    let is_unknown = |wheel: &Data| wheel.aligning_n_m.iter().all(|moment| !moment.is_finite());
+    if wheels.iter().any(is_unknown) {
+        return Err(Refusal::Missing {
+            what: TASK.what.to_owned(),
+            channel: "moment of a tyre".to_owned(),
+            help: "it needs strain on all members of a linkage with hard-points, tie rod included, and the \
+                   fusion filter"
+                .to_owned(),
+        });
+    }
+    let names = [
+        "aligning moment",
+        "longitudinal force",
+        "lateral force",
+        "load",
+    ];
+    let wheels = wheels.each_ref().map(Data::columns);
+    let rows = Rows::usable(TASK, options.dt_s, names, wheels, |row| {
+        let [_, along_n, across_n, load_n] = *row;
+        across_n.abs() < USED_MAX * options.friction * load_n
+            && along_n.abs() < LONGITUDINAL_MAX * load_n
+    })?;
+    rows.excited(2, "lateral force", FORCE_MIN)?;
+    let mut fit = rows.fit(0, |&[_, _, force_n, load_n]| {
+        let longer = (load_n / options.reference_load_n).sqrt();
+        let used = force_n.abs() / (options.friction * load_n);
+        [-longer * force_n, longer * used * force_n]
+    })?;
     let mut moved = DVector::zeros(fit.coefficients.len());
     moved[0] = CONTACT_SIGMA_M;
     fit.doubt(&moved);
     Ok(findings(&fit, &rows, options))
 }
 
-fn usable(wheels: &[Data; 2], options: &Options) -> Result<Rows, Refusal> {
-    let step = stride(options.dt_s, CUTOFF_HZ);
-    let mut rows = Rows::default();
-    for (side, wheel) in wheels.iter().enumerate() {
-        let expected = wheel.lateral_n.len();
-        for (name, column) in [
-            ("aligning moment", &wheel.aligning_n_m),
-            ("longitudinal force", &wheel.longitudinal_n),
-            ("load", &wheel.load_n),
-        ] {
-            if column.len() != expected {
-                return Err(Refusal::Length {
-                    what: WHAT.to_owned(),
-                    name: name.to_owned(),
-                    found: column.len(),
-                    expected,
-                });
-            }
-        }
-        if wheel.aligning_n_m.iter().all(|moment| !moment.is_finite()) {
-            return Err(Refusal::Missing {
-                what: WHAT.to_owned(),
-                channel: "moment of a tyre".to_owned(),
-                help: "it needs strain on all members of a linkage with hard-points, tie rod included, and the \
-                       fusion filter"
-                    .to_owned(),
-            });
-        }
-        let [moment, along, across, load] = [
-            &wheel.aligning_n_m,
-            &wheel.longitudinal_n,
-            &wheel.lateral_n,
-            &wheel.load_n,
-        ]
-        .map(|column| smooth(column, options.dt_s, CUTOFF_HZ));
-        for row in (0..expected).step_by(step) {
-            let known = (moment[row] + along[row] + across[row]).is_finite();
-            let within = across[row].abs() < USED_MAX * options.friction * load[row]
-                && along[row].abs() < LONGITUDINAL_MAX * load[row];
-            if known && load[row] > LOAD_MIN_N && within {
-                rows.moment_n_m.push(moment[row]);
-                rows.lateral_n.push(across[row]);
-                rows.load_n.push(load[row]);
-                rows.places.push(row);
-            }
-        }
-        if side == 0 {
-            rows.left = rows.places.len();
-        }
-    }
-    excited(&rows, step as f64 * options.dt_s)?;
-    Ok(rows)
-}
-
-fn excited(rows: &Rows, step_s: f64) -> Result<(), Refusal> {
-    let found_s = rows.places.len() as f64 * step_s / 2.0;
-    if found_s < DATA_MIN_S {
-        return Err(Refusal::TooShort {
-            what: WHAT.to_owned(),
-            found_s,
-            needed_s: DATA_MIN_S,
-            help: ADVICE.to_owned(),
-        });
-    }
-    let pairs = rows.lateral_n.iter().zip(&rows.load_n);
-    let found = spread(&pairs.map(|(force, load)| force / load).collect::<Vec<_>>());
-    if found < FORCE_MIN {
-        return Err(Refusal::NotExcited {
-            what: WHAT.to_owned(),
-            quantity: "the standard deviation of the lateral force over the load".to_owned(),
-            found,
-            needed: FORCE_MIN,
-            unit: "-".to_owned(),
-            help: ADVICE.to_owned(),
-        });
-    }
-    Ok(())
-}
-
-fn fitted(rows: &Rows, options: &Options) -> Result<Fit, Refusal> {
-    let size = rows.places.len();
-    let both = rows.left > 0 && rows.left < size;
-    let design = DMatrix::from_fn(size, if both { 4 } else { 3 }, |row, column| {
-        let (force_n, load_n) = (rows.lateral_n[row], rows.load_n[row]);
-        let longer = (load_n / options.reference_load_n).sqrt();
-        match column {
-            0 => -longer * force_n,
-            1 => longer * force_n * force_n.abs() / (options.friction * load_n),
-            2 => f64::from(!both || row < rows.left),
-            _ => f64::from(row >= rows.left),
-        }
-    });
-    least_squares(&design, &DVector::from_column_slice(&rows.moment_n_m))
-        .map_err(|refusal| refusal.of(WHAT).advise(ADVICE))
-}
-
 fn findings(fit: &Fit, rows: &Rows, options: &Options) -> Findings {
-    let size = fit.coefficients.len();
-    let intervals = fit.intervals(options.seed, <[f64]>::to_vec);
-    let mut places = rows.places.clone();
-    places.sort_unstable();
-    let span = span_of(&places, options.dt_s, stride(options.dt_s, CUTOFF_HZ));
-    let sides: &[&str] = match (size == 4, rows.left > 0) {
-        (true, _) => &["aligning_offset_left", "aligning_offset_right"],
-        (false, true) => &["aligning_offset_left"],
-        (false, false) => &["aligning_offset_right"],
-    };
-    let names = ["pneumatic_trail", "trail_loss"];
-    let found = names
-        .iter()
-        .chain(sides)
-        .enumerate()
-        .map(|(j, name)| Finding {
-            name: (*name).to_owned(),
-            value: fit.coefficients[j],
-            unit: if j < 2 { "m" } else { "N m" }.to_owned(),
-            sigma: fit.sigma(j),
-            interval: intervals.as_ref().map(|intervals| intervals[j]),
-            condition: fit.condition,
-            excitation: (j < 2).then(|| Excitation {
-                rms: fit.excitation[j],
-                unit: "N".to_owned(),
-            }),
-            whiteness: Some(fit.whiteness),
-            span,
-        });
-    let expected: Vec<f64> = (rows.moment_n_m.iter().zip(&fit.residuals))
-        .map(|(moment, residual)| moment - residual)
+    let named = [("pneumatic_trail", 0), ("trail_loss", 1)].map(|(name, j)| Named {
+        name,
+        unit: "m",
+        excitation: Some((fit.excitation[j], "N")),
+    });
+    let constants = (["aligning_offset_left", "aligning_offset_right"], "N m");
+    let expected = (rows.values.iter().zip(&fit.residuals))
+        .map(|(row, residual)| row[0] - residual)
         .collect();
-    let trail_m = fit.coefficients[0];
     Findings {
-        what: WHAT.to_owned(),
-        findings: found.collect(),
-        covariance: (0..size)
-            .map(|i| (0..size).map(|j| fit.covariance[(i, j)]).collect())
-            .collect(),
         beside: vec![
             (
                 "aligning stiffness, with the cornering stiffness of the file".to_owned(),
-                trail_m * options.cornering_n_rad,
+                fit.coefficients[0] * options.cornering_n_rad,
                 "N m/rad".to_owned(),
             ),
             (
@@ -252,16 +151,18 @@ fn findings(fit: &Fit, rows: &Rows, options: &Options) -> Findings {
             x_label: "lateral force (N)".to_owned(),
             y_label: "aligning moment (N m)".to_owned(),
             series: vec![
-                series(
-                    "measured",
-                    false,
-                    rows.lateral_n.clone(),
-                    rows.moment_n_m.clone(),
-                ),
-                series("model", false, rows.lateral_n.clone(), expected),
+                series("measured", false, rows.column(2), rows.column(0)),
+                series("model", false, rows.column(2), expected),
             ],
         }],
-        ..Findings::default()
+        ..rows.findings(
+            fit,
+            options.seed,
+            named,
+            constants,
+            <[f64]>::to_vec,
+            &fit.covariance,
+        )
     }
 }
 

@@ -20,22 +20,19 @@
 //! stiffnesses. Steering with caster at low speed and a side slope do. On rough ground, the normal below each wheel is
 //! not known: an error of the inclination makes C_g too small, so that such drives are refused.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
-use super::drive::{series, span_of};
-use super::signals::{smooth, stride};
-use crate::finding::{Excitation, Figure, Finding, Findings, Refusal};
-use crate::regression::{Fit, least_squares};
+use super::both_wheels::{self, Named, Task, linear_force_n};
+use super::drive::series;
+use crate::finding::{Figure, Findings, Refusal};
+use crate::regression::Fit;
 
-const WHAT: &str = "camber stiffness";
-const ADVICE: &str = "drive slow tight turns and fast wide ones to both sides, or along an even side slope in both \
-                      directions; the standard deviation falls with the root of the duration";
-/// Low-pass of slip angle, force and inclination.
-const CUTOFF_HZ: f64 = 2.0;
-/// Least data, s.
-const DATA_MIN_S: f64 = 5.0;
-/// Load below which a wheel is not used, N.
-const LOAD_MIN_N: f64 = 100.0;
+const TASK: Task = Task {
+    what: "camber stiffness",
+    advice: "drive slow tight turns and fast wide ones to both sides, or along an even side slope in both \
+             directions; the standard deviation falls with the root of the duration",
+    data_min_s: 5.0,
+};
 /// Largest longitudinal force over the load: combined slip is not modelled.
 const LONGITUDINAL_MAX: f64 = 0.2;
 /// Largest used part of the grip: near the limit, the shape of the curve counts more than its slope.
@@ -62,6 +59,18 @@ pub struct Data {
     pub load_n: Vec<f64>,
 }
 
+impl Data {
+    fn columns(&self) -> [&[f64]; 5] {
+        [
+            &self.slip_tangent,
+            &self.inclination_rad,
+            &self.longitudinal_n,
+            &self.lateral_n,
+            &self.load_n,
+        ]
+    }
+}
+
 /// What the vehicle file says of the tyres, and how the intervals are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
@@ -81,18 +90,8 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// Usable values of both wheels, left ones first.
-#[derive(Default)]
-struct Rows {
-    slip: Vec<f64>,
-    inclination_rad: Vec<f64>,
-    lateral_n: Vec<f64>,
-    load_n: Vec<f64>,
-    /// Rows of the left wheel.
-    left: usize,
-    /// Rows in the columns of the wheels.
-    places: Vec<usize>,
-}
+/// Tangent of the slip angle, inclination, force along the wheel and across it, and load.
+type Rows = both_wheels::Rows<5>;
 
 /// Finds the camber stiffness of an axle's tyres.
 ///
@@ -104,7 +103,7 @@ struct Rows {
 pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refusal> {
     if options.vertical_m_s2 > VERTICAL_MAX_M_S2 {
         return Err(Refusal::Value {
-            what: WHAT.to_owned(),
+            what: TASK.what.to_owned(),
             name: "standard deviation of the vertical acceleration".to_owned(),
             value: options.vertical_m_s2,
             expected: format!(
@@ -113,17 +112,29 @@ pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refus
             ),
         });
     }
-    let rows = usable(wheels, options)?;
+    let names = [
+        "slip angle",
+        "inclination",
+        "longitudinal force",
+        "lateral force",
+        "load",
+    ];
+    let wheels = wheels.each_ref().map(Data::columns);
+    let rows = Rows::usable(TASK, options.dt_s, names, wheels, |row| {
+        let [_, _, along_n, across_n, load_n] = *row;
+        across_n.abs() < USED_MAX * options.friction * load_n
+            && along_n.abs() < LONGITUDINAL_MAX * load_n
+    })?;
     let mut fit = fitted(&rows, options)?;
     let found = fit.excitation[1];
     if found < INCLINATION_MIN_RAD {
         return Err(Refusal::NotExcited {
-            what: WHAT.to_owned(),
+            what: TASK.what.to_owned(),
             quantity: "the inclination that does not follow the lateral force (rms)".to_owned(),
             found,
             needed: INCLINATION_MIN_RAD,
             unit: "rad".to_owned(),
-            help: ADVICE.to_owned(),
+            help: TASK.advice.to_owned(),
         });
     }
     let moved = [
@@ -135,95 +146,21 @@ pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refus
             load_exponent: options.load_exponent + DOUBT[1],
             ..*options
         },
-    ]
-    .map(|other| fitted(&rows, &other).map(|other| difference(&other, &fit)));
-    for moved in moved {
-        fit.doubt(&moved?);
-    }
+    ];
+    Rows::doubt(&mut fit, moved.iter().map(|other| fitted(&rows, other)))?;
     Ok(findings(&fit, &rows, options))
 }
 
-fn difference(other: &Fit, fit: &Fit) -> DVector<f64> {
-    let pairs = other.coefficients.iter().zip(&fit.coefficients);
-    DVector::from_iterator(fit.coefficients.len(), pairs.map(|(a, b)| a - b))
-}
-
-fn usable(wheels: &[Data; 2], options: &Options) -> Result<Rows, Refusal> {
-    let step = stride(options.dt_s, CUTOFF_HZ);
-    let mut rows = Rows::default();
-    for (side, wheel) in wheels.iter().enumerate() {
-        let expected = wheel.slip_tangent.len();
-        for (name, column) in [
-            ("inclination", &wheel.inclination_rad),
-            ("longitudinal force", &wheel.longitudinal_n),
-            ("lateral force", &wheel.lateral_n),
-            ("load", &wheel.load_n),
-        ] {
-            if column.len() != expected {
-                return Err(Refusal::Length {
-                    what: WHAT.to_owned(),
-                    name: name.to_owned(),
-                    found: column.len(),
-                    expected,
-                });
-            }
-        }
-        let [slip, inclination, along, across, load] = [
-            &wheel.slip_tangent,
-            &wheel.inclination_rad,
-            &wheel.longitudinal_n,
-            &wheel.lateral_n,
-            &wheel.load_n,
-        ]
-        .map(|column| smooth(column, options.dt_s, CUTOFF_HZ));
-        for row in (0..expected).step_by(step) {
-            let known = (slip[row] + inclination[row] + along[row] + across[row]).is_finite();
-            let within = across[row].abs() < USED_MAX * options.friction * load[row]
-                && along[row].abs() < LONGITUDINAL_MAX * load[row];
-            if known && load[row] > LOAD_MIN_N && within {
-                rows.slip.push(slip[row]);
-                rows.inclination_rad.push(inclination[row]);
-                rows.lateral_n.push(across[row]);
-                rows.load_n.push(load[row]);
-                rows.places.push(row);
-            }
-        }
-        if side == 0 {
-            rows.left = rows.places.len();
-        }
-    }
-    let found_s = rows.places.len() as f64 * step as f64 * options.dt_s / 2.0;
-    if found_s < DATA_MIN_S {
-        return Err(Refusal::TooShort {
-            what: WHAT.to_owned(),
-            found_s,
-            needed_s: DATA_MIN_S,
-            help: ADVICE.to_owned(),
-        });
-    }
-    Ok(rows)
-}
-
 fn fitted(rows: &Rows, options: &Options) -> Result<Fit, Refusal> {
-    let size = rows.places.len();
-    let both = rows.left > 0 && rows.left < size;
-    let design = DMatrix::from_fn(size, if both { 4 } else { 3 }, |row, column| {
-        let (force_n, load_n) = (rows.lateral_n[row], rows.load_n[row]);
-        let grip_n = options.friction * load_n;
-        let rest = 1.0 - (force_n.abs() / grip_n).min(1.0 - 1e-9);
+    let reference = [options.reference_load_n, options.load_exponent];
+    rows.fit(0, |&[_, inclination_rad, _, force_n, load_n]| {
+        let rest = 1.0 - force_n.abs() / (options.friction * load_n);
         let at_load = math::powf(load_n / options.reference_load_n, options.load_exponent);
-        match column {
-            0 => {
-                let linear_n = 3.0 * grip_n * (1.0 - math::powf(rest, 1.0 / 3.0));
-                -linear_n * force_n.signum() / at_load
-            }
-            1 => -rows.inclination_rad[row] * math::powf(rest, -2.0 / 3.0) / at_load,
-            2 => f64::from(!both || row < rows.left),
-            _ => f64::from(row >= rows.left),
-        }
-    });
-    least_squares(&design, &DVector::from_column_slice(&rows.slip))
-        .map_err(|refusal| refusal.of(WHAT).advise(ADVICE))
+        [
+            -linear_force_n([force_n, load_n], options.friction, reference),
+            -inclination_rad * math::powf(rest, -2.0 / 3.0) / at_load,
+        ]
+    })
 }
 
 /// Camber and cornering stiffness, and the offsets, of the coefficients of the regression.
@@ -236,16 +173,7 @@ fn parameters(coefficients: &[f64]) -> Vec<f64> {
 
 fn findings(fit: &Fit, rows: &Rows, options: &Options) -> Findings {
     let values = parameters(&fit.coefficients);
-    let intervals = fit.intervals(options.seed, parameters);
-    let mut places = rows.places.clone();
-    places.sort_unstable();
-    let span = span_of(&places, options.dt_s, stride(options.dt_s, CUTOFF_HZ));
     let size = values.len();
-    let sides: &[&str] = match (size == 4, rows.left > 0) {
-        (true, _) => &["slip_angle_offset_left", "slip_angle_offset_right"],
-        (false, true) => &["slip_angle_offset_left"],
-        (false, false) => &["slip_angle_offset_right"],
-    };
     let [camber, cornering] = [values[0], values[1]];
     let jacobian = DMatrix::from_fn(size, size, |i, j| match (i, j) {
         (0, 0) => -camber * cornering,
@@ -254,52 +182,33 @@ fn findings(fit: &Fit, rows: &Rows, options: &Options) -> Findings {
         (1, _) => 0.0,
         _ => f64::from(i == j),
     });
+    let named = [
+        ("camber_stiffness", (fit.excitation[1], "rad")),
+        ("cornering_stiffness", (fit.excitation[0], "N")),
+    ]
+    .map(|(name, excitation)| Named {
+        name,
+        unit: "N/rad",
+        excitation: Some(excitation),
+    });
+    let constants = (["slip_angle_offset_left", "slip_angle_offset_right"], "rad");
     let covariance = fit.propagated(&jacobian);
-    let names = ["camber_stiffness", "cornering_stiffness"];
-    let found = names
-        .iter()
-        .chain(sides)
-        .enumerate()
-        .map(|(j, name)| Finding {
-            name: (*name).to_owned(),
-            value: values[j],
-            unit: if j < 2 { "N/rad" } else { "rad" }.to_owned(),
-            sigma: covariance[(j, j)].max(0.0).sqrt(),
-            interval: intervals.as_ref().map(|intervals| intervals[j]),
-            condition: fit.condition,
-            excitation: match j {
-                0 => Some((fit.excitation[1], "rad")),
-                1 => Some((fit.excitation[0], "N")),
-                _ => None,
-            }
-            .map(|(rms, unit)| Excitation {
-                rms,
-                unit: unit.to_owned(),
-            }),
-            whiteness: Some(fit.whiteness),
-            span,
-        });
     Findings {
-        what: WHAT.to_owned(),
-        findings: found.collect(),
-        covariance: (0..size)
-            .map(|i| (0..size).map(|j| covariance[(i, j)]).collect())
-            .collect(),
         beside: vec![(
             "camber stiffness of the vehicle file".to_owned(),
             options.file_stiffness_n_rad,
             "N/rad".to_owned(),
         )],
         figures: vec![figure(fit, rows, [camber, cornering])],
-        ..Findings::default()
+        ..rows.findings(fit, options.seed, named, constants, parameters, &covariance)
     }
 }
 
 /// What the slip leaves of the force, against the inclination.
 fn figure(fit: &Fit, rows: &Rows, [camber, cornering]: [f64; 2]) -> Figure {
-    let inclinations = || rows.inclination_rad.clone();
-    let thrust_n = (rows.inclination_rad.iter().zip(&fit.residuals))
-        .map(|(inclination, residual)| -camber * inclination - cornering * residual)
+    let inclinations = || rows.column(1);
+    let thrust_n = (rows.values.iter().zip(&fit.residuals))
+        .map(|(row, residual)| -camber * row[1] - cornering * residual)
         .collect();
     let line_n = inclinations()
         .iter()

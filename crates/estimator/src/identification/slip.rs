@@ -14,22 +14,19 @@
 //! error of the rolling radius of a wheel is its constant kappa_0. The rolling radius also changes with the load, by
 //! another part of the deflection than the third that the slip supposes: e is that error for the mean load F_zm.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
-use super::drive::{series, span_of};
-use super::signals::{mean, smooth, spread, stride};
-use crate::finding::{Excitation, Figure, Finding, Findings, Refusal};
-use crate::regression::{Fit, least_squares};
+use super::both_wheels::{self, Named, Task, linear_force_n};
+use super::drive::series;
+use super::signals::mean;
+use crate::finding::{Figure, Findings, Refusal};
+use crate::regression::Fit;
 
-const WHAT: &str = "longitudinal stiffness";
-const ADVICE: &str =
-    "speed up from a standstill with much throttle, then brake hard, straight ahead";
-/// Low-pass of slip and force.
-const CUTOFF_HZ: f64 = 2.0;
-/// Least data, s.
-const DATA_MIN_S: f64 = 3.0;
-/// Load below which a wheel is not used, N.
-const LOAD_MIN_N: f64 = 100.0;
+const TASK: Task = Task {
+    what: "longitudinal stiffness",
+    advice: "speed up from a standstill with much throttle, then brake hard, straight ahead",
+    data_min_s: 3.0,
+};
 /// Largest lateral force over the load: combined slip is not modelled.
 const LATERAL_MAX: f64 = 0.2;
 /// Largest force over mu F_z: near the grip, the shape of the curve counts more than its slope.
@@ -52,6 +49,17 @@ pub struct Data {
     pub load_n: Vec<f64>,
 }
 
+impl Data {
+    fn columns(&self) -> [&[f64]; 4] {
+        [
+            &self.slip,
+            &self.longitudinal_n,
+            &self.lateral_n,
+            &self.load_n,
+        ]
+    }
+}
+
 /// What the vehicle file says of the tyres, and how the intervals are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
@@ -67,16 +75,8 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// Usable values of both wheels, left ones first.
-struct Rows {
-    slip: Vec<f64>,
-    force_n: Vec<f64>,
-    load_n: Vec<f64>,
-    /// Rows of the left wheel.
-    left: usize,
-    /// Rows in the columns of the wheels.
-    places: Vec<usize>,
-}
+/// Slip, force along the wheel and across it, and load.
+type Rows = both_wheels::Rows<4>;
 
 /// Finds the longitudinal stiffness of an axle's tyres.
 ///
@@ -86,8 +86,15 @@ struct Rows {
 /// # Errors
 /// Columns that differ in length, too little data, forces that do not change.
 pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refusal> {
-    let rows = usable(wheels, options)?;
-    let fit = fitted(&rows, options)?;
+    let names = ["slip", "longitudinal force", "lateral force", "load"];
+    let wheels = wheels.each_ref().map(Data::columns);
+    let rows = Rows::usable(TASK, options.dt_s, names, wheels, |row| {
+        let [_, along_n, across_n, load_n] = *row;
+        along_n.abs() / (options.friction * load_n) < USED_MAX
+            && across_n.abs() < LATERAL_MAX * load_n
+    })?;
+    rows.excited(1, "longitudinal force", FORCE_MIN)?;
+    let mut fit = fitted(&rows, options)?;
     let moved = [
         Options {
             friction: options.friction * (1.0 + DOUBT[0]),
@@ -97,112 +104,18 @@ pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refus
             load_exponent: options.load_exponent + DOUBT[1],
             ..*options
         },
-    ]
-    .map(|other| fitted(&rows, &other).map(|other| difference(&other, &fit)));
-    let mut fit = fit;
-    for moved in moved {
-        fit.doubt(&moved?);
-    }
+    ];
+    Rows::doubt(&mut fit, moved.iter().map(|other| fitted(&rows, other)))?;
     Ok(findings(&fit, &rows, options))
 }
 
-fn difference(other: &Fit, fit: &Fit) -> DVector<f64> {
-    let pairs = other.coefficients.iter().zip(&fit.coefficients);
-    DVector::from_iterator(fit.coefficients.len(), pairs.map(|(a, b)| a - b))
-}
-
-fn usable(wheels: &[Data; 2], options: &Options) -> Result<Rows, Refusal> {
-    let step = stride(options.dt_s, CUTOFF_HZ);
-    let mut rows = Rows {
-        slip: Vec::new(),
-        force_n: Vec::new(),
-        load_n: Vec::new(),
-        left: 0,
-        places: Vec::new(),
-    };
-    for (side, wheel) in wheels.iter().enumerate() {
-        let expected = wheel.slip.len();
-        for (name, column) in [
-            ("longitudinal force", &wheel.longitudinal_n),
-            ("lateral force", &wheel.lateral_n),
-            ("load", &wheel.load_n),
-        ] {
-            if column.len() != expected {
-                return Err(Refusal::Length {
-                    what: WHAT.to_owned(),
-                    name: name.to_owned(),
-                    found: column.len(),
-                    expected,
-                });
-            }
-        }
-        let smoothed = |column: &[f64]| smooth(column, options.dt_s, CUTOFF_HZ);
-        let [slip, along, across, load] = [
-            &wheel.slip,
-            &wheel.longitudinal_n,
-            &wheel.lateral_n,
-            &wheel.load_n,
-        ]
-        .map(|column| smoothed(column));
-        for row in (0..expected).step_by(step) {
-            let used = along[row].abs() / (options.friction * load[row]);
-            let known = (slip[row] + along[row] + across[row]).is_finite();
-            let within = used < USED_MAX && across[row].abs() < LATERAL_MAX * load[row];
-            if known && load[row] > LOAD_MIN_N && within {
-                rows.slip.push(slip[row]);
-                rows.force_n.push(along[row]);
-                rows.load_n.push(load[row]);
-                rows.places.push(row);
-            }
-        }
-        if side == 0 {
-            rows.left = rows.slip.len();
-        }
-    }
-    let found_s = rows.slip.len() as f64 * step as f64 * options.dt_s / 2.0;
-    if found_s < DATA_MIN_S {
-        return Err(Refusal::TooShort {
-            what: WHAT.to_owned(),
-            found_s,
-            needed_s: DATA_MIN_S,
-            help: ADVICE.to_owned(),
-        });
-    }
-    let pairs = rows.force_n.iter().zip(&rows.load_n);
-    let found = spread(&pairs.map(|(force, load)| force / load).collect::<Vec<_>>());
-    if found < FORCE_MIN {
-        return Err(Refusal::NotExcited {
-            what: WHAT.to_owned(),
-            quantity: "the standard deviation of the longitudinal force over the load".to_owned(),
-            found,
-            needed: FORCE_MIN,
-            unit: "-".to_owned(),
-            help: ADVICE.to_owned(),
-        });
-    }
-    Ok(rows)
-}
-
-/// Force that a linear tyre at the reference load would have at the slip of this force and load, N.
-fn linear_force_n(force_n: f64, load_n: f64, options: &Options) -> f64 {
-    let grip_n = options.friction * load_n;
-    let part = (force_n.abs() / grip_n).min(1.0);
-    let at_load = math::powf(load_n / options.reference_load_n, options.load_exponent);
-    3.0 * grip_n * (1.0 - math::powf(1.0 - part, 1.0 / 3.0)) * force_n.signum() / at_load
-}
-
 fn fitted(rows: &Rows, options: &Options) -> Result<Fit, Refusal> {
-    let size = rows.slip.len();
-    let both = rows.left > 0 && rows.left < size;
-    let mean_n = mean(rows.load_n.iter().copied());
-    let design = DMatrix::from_fn(size, if both { 4 } else { 3 }, |row, column| match column {
-        0 => linear_force_n(rows.force_n[row], rows.load_n[row], options),
-        1 => rows.load_n[row] / mean_n - 1.0,
-        2 => f64::from(!both || row < rows.left),
-        _ => f64::from(row >= rows.left),
-    });
-    least_squares(&design, &DVector::from_column_slice(&rows.slip))
-        .map_err(|refusal| refusal.of(WHAT).advise(ADVICE))
+    let mean_n = mean(rows.values.iter().map(|row| row[3]));
+    let reference = [options.reference_load_n, options.load_exponent];
+    rows.fit(0, |&[_, force_n, _, load_n]| {
+        let linear_n = linear_force_n([force_n, load_n], options.friction, reference);
+        [linear_n, load_n / mean_n - 1.0]
+    })
 }
 
 fn findings(fit: &Fit, rows: &Rows, options: &Options) -> Findings {
@@ -211,63 +124,41 @@ fn findings(fit: &Fit, rows: &Rows, options: &Options) -> Findings {
         values[0] = values[0].recip();
         values
     };
-    let values = parameters(&fit.coefficients);
-    let intervals = fit.intervals(options.seed, parameters);
-    let mut places = rows.places.clone();
-    places.sort_unstable();
-    let span = span_of(&places, options.dt_s, stride(options.dt_s, CUTOFF_HZ));
-    let both = rows.left > 0 && rows.left < rows.slip.len();
-    let names: &[&str] = match (both, rows.left > 0) {
-        (true, _) => &[
-            "slip_stiffness",
-            "slip_by_load",
-            "slip_offset_left",
-            "slip_offset_right",
-        ],
-        (false, true) => &["slip_stiffness", "slip_by_load", "slip_offset_left"],
-        (false, false) => &["slip_stiffness", "slip_by_load", "slip_offset_right"],
-    };
-    let size = values.len();
+    let stiffness_n = fit.coefficients[0].recip();
+    let size = fit.coefficients.len();
     let jacobian = DMatrix::from_fn(size, size, |i, j| match (i, j) {
-        (0, 0) => -values[0] * values[0],
+        (0, 0) => -stiffness_n * stiffness_n,
         _ => f64::from(i == j),
     });
+    let named = [
+        Named {
+            name: "slip_stiffness",
+            unit: "N",
+            excitation: Some((fit.excitation[0], "N")),
+        },
+        Named {
+            name: "slip_by_load",
+            unit: "-",
+            excitation: None,
+        },
+    ];
+    let constants = (["slip_offset_left", "slip_offset_right"], "-");
     let covariance = fit.propagated(&jacobian);
-    let found = names.iter().enumerate().map(|(j, name)| Finding {
-        name: (*name).to_owned(),
-        value: values[j],
-        unit: if j == 0 { "N" } else { "-" }.to_owned(),
-        sigma: covariance[(j, j)].max(0.0).sqrt(),
-        interval: intervals.as_ref().map(|intervals| intervals[j]),
-        condition: fit.condition,
-        excitation: (j == 0).then(|| Excitation {
-            rms: fit.excitation[0],
-            unit: "N".to_owned(),
-        }),
-        whiteness: Some(fit.whiteness),
-        span,
-    });
-    let forces = rows.force_n.iter().zip(&rows.load_n);
-    let ratio: Vec<f64> = forces.map(|(force, load)| force / load).collect();
-    let expected: Vec<f64> = (rows.slip.iter().zip(&fit.residuals))
-        .map(|(slip, residual)| slip - residual)
+    let ratio: Vec<f64> = rows.values.iter().map(|row| row[1] / row[3]).collect();
+    let expected = (rows.values.iter().zip(&fit.residuals))
+        .map(|(row, residual)| row[0] - residual)
         .collect();
     Findings {
-        what: WHAT.to_owned(),
-        findings: found.collect(),
-        covariance: (0..size)
-            .map(|i| (0..size).map(|j| covariance[(i, j)]).collect())
-            .collect(),
         figures: vec![Figure {
             title: "Longitudinal force against slip".to_owned(),
             x_label: "slip (-)".to_owned(),
             y_label: "longitudinal force over load (-)".to_owned(),
             series: vec![
-                series("measured", false, rows.slip.clone(), ratio.clone()),
+                series("measured", false, rows.column(0), ratio.clone()),
                 series("model", false, expected, ratio),
             ],
         }],
-        ..Findings::default()
+        ..rows.findings(fit, options.seed, named, constants, parameters, &covariance)
     }
 }
 

@@ -3,30 +3,17 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use engine::output::{Kind, Target};
-use engine::{Config, find_mistakes, mistakes_as_json};
+use engine::{find_mistakes, mistakes_as_json};
 use estimator::{Calibration, MistakeReport};
 use sample::text::printable;
-use store::Reader;
 
+use super::judged;
 use crate::cli::IdentifyMistakesArgs;
 use crate::exit::Outcome;
 
 /// Runs the command.
 pub fn run(args: &IdentifyMistakesArgs) -> anyhow::Result<Outcome> {
-    let target = args
-        .output
-        .as_ref()
-        .map(|path| {
-            let inputs = args.logs.iter().chain(&args.config).map(|path| &**path);
-            Target::new(path, Kind::Toml, args.replace.force, inputs)
-        })
-        .transpose()?;
-    let reader = Reader::open(&args.logs)?;
-    let config = match &args.config {
-        Some(path) => Config::load(path)?,
-        None => Config::from_attachments(&reader.attachments()?)?,
-    };
+    let (target, reader, config) = judged(&args.run, args.output.as_deref())?;
     let report = find_mistakes(&reader, &config)?;
     if let Some(target) = target {
         let known = config
@@ -36,7 +23,7 @@ pub fn run(args: &IdentifyMistakesArgs) -> anyhow::Result<Outcome> {
         let text = calibration(&report, known.cloned().unwrap_or_default())?;
         target.write(&text)?;
     }
-    if args.json {
+    if args.run.json {
         println!("{:#}", mistakes_as_json(&report));
     } else {
         print(&report, args.output.as_deref());

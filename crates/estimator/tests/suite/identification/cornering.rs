@@ -110,7 +110,7 @@ fn a_straight_line_a_short_drive_and_an_absent_signal_are_refused_by_name() {
     blind.sideslip_rad.clear();
     let text = refusal(blind).to_string();
     assert!(
-        text.contains("has no sideslip") && text.contains("GNSS"),
+        text.contains("there is no sideslip") && text.contains("GNSS"),
         "{text}"
     );
 }
