@@ -175,7 +175,7 @@ fn wheels_have_columns_of_their_own() {
     assert_eq!(first(floats(&forces, "axle3_left.z_n")), Some(0.0));
     assert_eq!(first(floats(&forces, "axle8_right.z_n")), Some(8.0));
     assert_eq!(floats(&forces, "rr.z_n"), [4.0, 2.0]);
-    assert_eq!(column(&forces, "rr.source").names.len(), 6);
+    assert_eq!(column(&forces, "rr.source").names.len(), 7);
     assert_eq!(
         column(&forces, "fl.source").present,
         Some(vec![false, true])
