@@ -69,7 +69,7 @@ def test_cornering_stiffness_of_a_single_track_is_found(vehicle: atvrec.Vehicle)
 
 def test_what_a_drive_lacks_is_told(vehicle: atvrec.Vehicle) -> None:
     drive = identify.Drive(0.01, yaw_rate_rad_s=np.zeros(1000), steer_rad=np.zeros(1000))
-    with pytest.raises(atvrec.DataError, match="has no speed"):
+    with pytest.raises(atvrec.DataError, match="there is no speed"):
         identify.cornering(drive, vehicle)
     with pytest.raises(atvrec.DataError, match="steps of the steer angle|no lateral"):
         identify.step_response(drive)
