@@ -30,7 +30,7 @@ pub const OUTPUTS: [usize; 15] = [
 pub struct FusionTrace {
     /// Operations since the instant before.
     pub operations: Vec<Operation<SIZE>>,
-    /// The state, in the order of [`layout`].
+    /// The state, in the order of [`super::layout`].
     pub state: SVector<f64, SIZE>,
     /// Covariances of [`OUTPUTS`] with all states.
     pub covariance: SMatrix<f64, { OUTPUTS.len() }, SIZE>,
