@@ -148,7 +148,8 @@ impl Set {
     /// Age and delay by the wall clock of the instant of the estimate.
     fn assert_age(&self, instant_ns: i64) {
         let age_s = self.values["age"];
-        assert!((0.0..AGE_MAX_S).contains(&age_s), "{age_s} s old");
+        // An age just below the limit is rounded to it.
+        assert!((0.0..=AGE_MAX_S).contains(&age_s), "{age_s} s old");
         let delay_ns = self.received_ns - instant_ns - (age_s * 1e9) as i64;
         let possible = -CLOCK_NS..DELAY_MAX_NS;
         assert!(possible.contains(&delay_ns), "{delay_ns} ns later");
