@@ -94,7 +94,7 @@ use live_axle::AxleForms;
 use moments::KnownMoment;
 use process::{accel_noise, tipping_noise, torque_noise};
 pub use recording::{FusionTrace, OUTPUTS};
-use relations::RelationWindow;
+use relations::{Loads, RelationWindow};
 
 /// Axes of the moments that are states.
 const MOMENT_AXES: [usize; 2] = [0, 2];
@@ -151,6 +151,8 @@ pub struct Fusion {
     steps: u32,
     resets: u32,
     innovations: InnovationTally,
+    /// What the errors of the parameters act on in the last step.
+    loads: Loads,
     /// Relations since the last complete window, and whether the window is complete.
     relations: Option<Box<RelationWindow>>,
     related: bool,
@@ -295,6 +297,7 @@ impl Fusion {
             steps: 0,
             resets: 0,
             innovations: InnovationTally::default(),
+            loads: Loads::default(),
             relations: Some(Box::default()),
             related: false,
             undecided: false,

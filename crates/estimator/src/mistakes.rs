@@ -12,6 +12,7 @@
 //! The ratio of the likelihoods, in which the parameters are integrated out, decides (Bayes factor; Kass and Raftery,
 //! J. Am. Stat. Assoc. 90 (1995), 773-795, section 3).
 
+mod considered;
 mod driven;
 mod evidence;
 mod hypotheses;
@@ -19,7 +20,7 @@ mod layout;
 mod linear;
 mod texts;
 
-use crate::fusion::relations::{CHANNELS, RelationWindow};
+use crate::fusion::relations::{CHANNELS, Loads, RelationWindow};
 use crate::tuning::MistakeTuning;
 
 pub use driven::Driven;
@@ -93,11 +94,22 @@ impl Mistakes {
         let square = self.evidence.take(window)?;
         self.driven.take(window, t);
         self.agreeing += u32::from(square < t.agreeing_square);
+        let windows = self.evidence.windows;
+        if windows.is_power_of_two() || windows.is_multiple_of(t.decide_windows) {
+            self.evidence.consider()?;
+        }
         if !self.evidence.windows.is_multiple_of(t.decide_windows) {
             return None;
         }
         self.judge();
         self.certain()
+    }
+
+    /// Variances of the forces of the tyres by parameters that are not exact, wheel-carrier frame, N^2; `None` while
+    /// the readings agree as if all were.
+    #[must_use]
+    pub fn force_variances(&self, loads: &Loads) -> Option<[f64; 12]> {
+        self.evidence.force_variances(loads)
     }
 
     /// The hypotheses at the last decision, the likeliest first.

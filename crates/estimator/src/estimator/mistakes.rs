@@ -9,8 +9,8 @@ use sample::{CornerSample, Event, EventKind, LogTime, StrainChannel, Wheel};
 use super::{Estimator, Output};
 use crate::Calibration;
 use crate::calibration::{Channel, ChannelCalibration, Resolved};
-use crate::fusion::Fusion;
 use crate::fusion::relations::{CHANNELS, channel_of};
+use crate::fusion::{Forces, Fusion};
 use crate::mistakes::{Described, Driven, Hypothesis, Judged, Mistakes, Setup, right_angles};
 use crate::statics::AXIAL;
 use crate::tuning::MistakeTuning;
@@ -94,6 +94,8 @@ pub(super) struct MistakeWatch {
     suspected: Option<LogTime>,
     /// Nothing more is looked for: what was found cannot be corrected.
     ended: bool,
+    /// Variances of the forces by parameters that are not exact, a step before, N^2.
+    variances_before: Option<[f64; 12]>,
 }
 
 impl MistakeWatch {
@@ -114,6 +116,19 @@ impl MistakeWatch {
             started: None,
             suspected: None,
             ended: false,
+            variances_before: None,
+        }
+    }
+
+    /// Adds what parameters within their tolerances leave uncertain to the standard deviations of the forces.
+    pub(super) fn consider(&mut self, fusion: &Fusion, forces: &mut Forces) {
+        let variances = self.evidence.force_variances(fusion.loads());
+        let before = std::mem::replace(&mut self.variances_before, variances);
+        for (forces, variances) in [(&mut forces.now, variances), (&mut forces.lagged, before)] {
+            let sigmas = forces.0.iter_mut().flat_map(|force| &mut force.sigma_n);
+            for (sigma, variance) in sigmas.zip(variances.into_iter().flatten()) {
+                *sigma = (*sigma * *sigma + variance).sqrt();
+            }
         }
     }
 

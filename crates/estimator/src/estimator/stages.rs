@@ -246,11 +246,14 @@ impl Estimator {
                 turn_over_ground: corners.turn_over_ground(),
                 tilt_rad: corners.tilt_rad(),
             };
-            let forces = fusion.step(&input, &mut self.readings, &mut |change| {
+            let mut forces = fusion.step(&input, &mut self.readings, &mut |change| {
                 out(Output::Event(channel_event(now, change, &self.vehicle)));
             });
             self.divergences[1].step(now, fusion.resets().into(), false, out);
             self.monitors.update_imu_consistency(fusion.imu_agrees());
+            if let Some(watch) = &mut self.mistakes {
+                watch.consider(fusion, &mut forces);
+            }
             lagged = Some(forces.lagged);
             forces.now
         } else {

@@ -32,6 +32,50 @@ pub const TURN_ROW: usize = ACCEL_ROW + 3;
 /// Unknowns: forces, moments, errors of the struts, torques.
 pub const UNKNOWNS: usize = 28;
 
+/// What the errors of the parameters act on.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Loads {
+    /// Readings of the axial channels, N.
+    pub member_n: [f64; CHANNELS],
+    /// Forces of the tyres by the filter, N.
+    pub force_n: [f64; 12],
+    /// Force of each strut that its length gives, without damping, N.
+    pub spring_n: [f64; 4],
+    /// Strut force for 1 m/s^2, kg.
+    pub strut_mass_kg: [f64; 4],
+    /// Specific force, as read, m/s^2.
+    pub specific_force_m_s2: Vector3<f64>,
+    /// What an offset of the inertial unit adds to its specific force: w' x + w x (w x), 1/s^2.
+    pub lever: Matrix3<f64>,
+}
+
+impl Loads {
+    /// All numbers that do not belong to the inertial unit.
+    fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
+        let of_corners = [
+            self.member_n.as_mut_slice(),
+            &mut self.force_n,
+            &mut self.spring_n,
+            &mut self.strut_mass_kg,
+        ];
+        of_corners.into_iter().flatten()
+    }
+
+    fn add(&mut self, other: &mut Self) {
+        for (sum, value) in self.numbers().zip(other.numbers()) {
+            *sum += *value;
+        }
+        self.specific_force_m_s2 += other.specific_force_m_s2;
+        self.lever += other.lever;
+    }
+
+    fn scale(&mut self, factor: f64) {
+        self.numbers().for_each(|value| *value *= factor);
+        self.specific_force_m_s2 *= factor;
+        self.lever *= factor;
+    }
+}
+
 /// Means of the relations over a window.
 #[derive(Clone, Debug)]
 pub struct RelationWindow {
@@ -44,22 +88,12 @@ pub struct RelationWindow {
     pub value: [f64; ROWS],
     /// Steps in which the row has a reading.
     pub read: [u32; ROWS],
-    /// Readings of the axial channels, N.
-    pub member_n: [f64; CHANNELS],
-    /// Forces of the tyres by the filter, N.
-    pub force_n: [f64; 12],
-    /// Force of each strut that its length gives, without damping, N.
-    pub spring_n: [f64; 4],
+    /// Means of what the parameters' errors act on.
+    pub loads: Loads,
     /// Force of each damper, N.
     pub damper_n: [f64; 4],
-    /// Strut force for 1 m/s^2, kg.
-    pub strut_mass_kg: [f64; 4],
-    /// Specific force, as read, m/s^2.
-    pub specific_force_m_s2: Vector3<f64>,
     /// Bias of the accelerometers that the motion filter has learnt at the end, and its standard deviation, m/s^2.
     pub learnt_bias: [Vector3<f64>; 2],
-    /// What an offset of the inertial unit adds to its specific force: w' x + w x (w x), 1/s^2.
-    pub lever: Matrix3<f64>,
     /// Mean roughness of the road: see [`Fusion::roughness`].
     pub road: f64,
     /// Standard deviation of the ground's normal at a wheel, rad.
@@ -82,14 +116,9 @@ impl Default for RelationWindow {
             gains: [[0.0; UNKNOWNS]; ROWS],
             value: [0.0; ROWS],
             read: [0; ROWS],
-            member_n: [0.0; CHANNELS],
-            force_n: [0.0; 12],
-            spring_n: [0.0; 4],
+            loads: Loads::default(),
             damper_n: [0.0; 4],
-            strut_mass_kg: [0.0; 4],
-            specific_force_m_s2: Vector3::zeros(),
             learnt_bias: [Vector3::zeros(); 2],
-            lever: Matrix3::zeros(),
             road: 0.0,
             tilt_rad: 0.0,
             roads: [0.0; 4],
@@ -138,16 +167,16 @@ impl Fusion {
         let Some(mut window) = self.relations.take() else {
             return;
         };
-        let state = &self.state;
+        let mut loads = self.loads;
         for wheel in 0..4 {
-            self.relate_corner(input, model, readings, wheel, &mut window);
+            self.relate_corner(input, model, readings, wheel, &mut window, &mut loads);
         }
         if input.motion.inertial {
-            self.relate_inertial(input, model, &mut window);
+            self.relate_inertial(input, model, &mut window, &mut loads);
         }
-        for (sum, force) in window.force_n.iter_mut().zip(&state[FORCE..FORCE + 12]) {
-            *sum += force;
-        }
+        let state = &self.state;
+        loads.force_n = std::array::from_fn(|k| state[FORCE + k]);
+        window.loads.add(&mut loads);
         window.road += self.roughness();
         window.tilt_rad += input.tilt_rad;
         window.speed += input.motion.velocity_m_s.x;
@@ -163,6 +192,7 @@ impl Fusion {
             self.related = true;
         }
         self.relations = Some(window);
+        self.loads = loads;
     }
 
     /// Adds the rows of the members and of the strut of a corner.
@@ -173,6 +203,7 @@ impl Fusion {
         readings: &Readings,
         wheel: usize,
         window: &mut RelationWindow,
+        loads: &mut Loads,
     ) {
         let state = &self.state;
         let corner = &input.corners[wheel];
@@ -190,7 +221,7 @@ impl Fusion {
                 };
                 let form = forms.member(i, 0.0);
                 let at = AXIAL.len() * wheel + i;
-                window.member_n[at] += value;
+                loads.member_n[at] = value;
                 let mut row = Row {
                     window: &mut *window,
                     row: at,
@@ -220,10 +251,10 @@ impl Fusion {
             row.finish();
         }
         let line = &corner.travel.strut;
-        window.spring_n[wheel] +=
+        loads.spring_n[wheel] =
             line.constant_n() - line.stiffness_n_m * 1e-3 * state[LENGTH + wheel];
         window.damper_n[wheel] -= line.damping_n_s_m * 1e-3 * state[SPEED + wheel];
-        window.strut_mass_kg[wheel] += corner.travel.members[5];
+        loads.strut_mass_kg[wheel] = corner.travel.members[5];
         window.roads[wheel] += self.force_noise.road(wheel);
         let part = state[FORCE + 3 * wheel + 2] / self.body.static_load[wheel];
         window.least_load[wheel] = window.least_load[wheel].min(part);
@@ -234,6 +265,7 @@ impl Fusion {
         input: &StepInput<'_>,
         model: &StepModel,
         window: &mut RelationWindow,
+        loads: &mut Loads,
     ) {
         let state = &self.state;
         let sum = self.measured_sum_n(input, &model.balance);
@@ -252,10 +284,15 @@ impl Fusion {
             push(TURN_ROW + axis, -turn.constant, turn);
         }
         let motion = input.motion;
-        window.specific_force_m_s2 += motion.specific_force_m_s2 + motion.accel_bias_m_s2;
+        loads.specific_force_m_s2 = motion.specific_force_m_s2 + motion.accel_bias_m_s2;
         window.learnt_bias = [motion.accel_bias_m_s2, motion.accel_bias_sigma_m_s2];
         let turning = motion.rate_rad_s.cross_matrix();
-        window.lever += motion.rate_dot_rad_s2.cross_matrix() + turning * turning;
+        loads.lever = motion.rate_dot_rad_s2.cross_matrix() + turning * turning;
+    }
+
+    /// What the errors of the parameters act on in the last step.
+    pub(crate) fn loads(&self) -> &Loads {
+        &self.loads
     }
 
     /// What the evidence for mistakes needs.
@@ -318,23 +355,12 @@ impl RelationWindow {
     /// Divides by the number of steps, and adds what changed from the beginning to the end.
     fn finish(&mut self, first: &[f64; 4], last: &[f64; 4], turned: &Vector3<f64>) {
         let part = 1.0 / f64::from(self.steps);
-        let long = [
-            self.value.as_mut_slice(),
-            &mut self.member_n,
-            &mut self.force_n,
-            self.gains.as_flattened_mut(),
-        ];
+        let long = [self.value.as_mut_slice(), self.gains.as_flattened_mut()];
         long.into_iter().flatten().for_each(|value| *value *= part);
-        for values in [
-            &mut self.spring_n,
-            &mut self.damper_n,
-            &mut self.strut_mass_kg,
-            &mut self.roads,
-        ] {
+        self.loads.scale(part);
+        for values in [&mut self.damper_n, &mut self.roads] {
             *values = values.map(|value| value * part);
         }
-        self.specific_force_m_s2 *= part;
-        self.lever *= part;
         self.road *= part;
         self.tilt_rad *= part;
         self.speed *= part;

@@ -19,8 +19,12 @@ pub struct Driven {
 impl Driven {
     pub(super) fn take(&mut self, window: &RelationWindow, tuning: &MistakeTuning) {
         self.used_s += tuning.window_s;
-        let lateral_n: f64 = (0..4).map(|wheel| window.force_n[3 * wheel + 1]).sum();
-        let load_n: f64 = (0..4).map(|wheel| window.force_n[3 * wheel + 2]).sum();
+        let lateral_n: f64 = (0..4)
+            .map(|wheel| window.loads.force_n[3 * wheel + 1])
+            .sum();
+        let load_n: f64 = (0..4)
+            .map(|wheel| window.loads.force_n[3 * wheel + 2])
+            .sum();
         if lateral_n.abs() > tuning.turning_part * load_n {
             self.turning_s += tuning.window_s;
         }

@@ -6,13 +6,14 @@
 use nalgebra::{Matrix3, Vector3};
 use sample::STANDARD_GRAVITY_M_S2;
 
+use super::considered::{Considered, FORCES};
 use super::layout::{
     BIAS, CORNERS, EXCHANGED, FIRST_MOMENT, GAIN, HEIGHT, HITCH, LEVER, LOST, MASS, OFFSET, PAIRS,
     PRELOAD, RATE, ROTATIONS, SCALE, SHAPE, SIZE, TILT, TOLERATED, TURNED, WHEELS,
 };
 use super::linear;
 use crate::fusion::relations::{
-    ACCEL_ROW, CHANNELS, ROWS, RelationWindow, STRUT_ROW, TURN_ROW, UNKNOWNS,
+    ACCEL_ROW, CHANNELS, Loads, ROWS, RelationWindow, STRUT_ROW, TURN_ROW, UNKNOWNS,
 };
 use crate::statics::AXIAL;
 use crate::tuning::MistakeTuning;
@@ -40,6 +41,40 @@ pub struct Setup {
     pub bias_sigma_m_s2: f64,
 }
 
+/// Sum of the information of whitened rows z = h p + noise.
+#[derive(Clone, Debug)]
+struct Information {
+    size: usize,
+    /// Upper triangle, in rows.
+    matrix: Vec<f64>,
+    vector: Vec<f64>,
+}
+
+impl Information {
+    fn new(size: usize) -> Self {
+        Self {
+            size,
+            matrix: vec![0.0; size * size],
+            vector: vec![0.0; size],
+        }
+    }
+
+    /// Adds a row with a weight.
+    fn add(&mut self, gains: &[f64], value: f64, weight: f64) {
+        let n = self.size;
+        for (i, gain) in gains.iter().enumerate().filter(|(_, gain)| **gain != 0.0) {
+            let to = &mut self.matrix[i * n + i..(i + 1) * n];
+            linear::add(to, weight * gain, &gains[i..]);
+        }
+        linear::add(&mut self.vector, weight * value, gains);
+    }
+
+    /// Element of the matrix.
+    fn at(&self, i: usize, j: usize) -> f64 {
+        self.matrix[i.min(j) * self.size + i.max(j)]
+    }
+}
+
 /// Information on the parameters. Matrices are in rows.
 #[derive(Clone, Debug)]
 pub(super) struct Evidence {
@@ -47,15 +82,16 @@ pub(super) struct Evidence {
     pub(super) setup: Setup,
     /// Standard deviations of the tolerated parameters.
     pub(super) sigma: [f64; TOLERATED],
-    /// Upper triangle.
-    information: Vec<f64>,
-    vector: Vec<f64>,
+    information: Information,
+    /// The same on the tolerated parameters, from rows as exact as the sensors resolve them.
+    fine: Information,
     /// Gains of the parameters on the rows of a window.
     gains: Vec<f64>,
     /// Covariance and means of the tolerated parameters.
     covariance: Vec<f64>,
     mean: Vec<f64>,
     scratch: Vec<f64>,
+    considered: Considered,
     /// Bias of the accelerometers that the motion filter has learnt, and its standard deviation, m/s^2.
     learnt_bias: [Vector3<f64>; 2],
     pub(super) windows: u32,
@@ -67,12 +103,13 @@ impl Evidence {
             sigma: std::array::from_fn(|at| tolerance(at, &setup, &tuning)),
             tuning,
             setup,
-            information: vec![0.0; SIZE * SIZE],
-            vector: vec![0.0; SIZE],
+            information: Information::new(SIZE),
+            fine: Information::new(TOLERATED),
             gains: vec![0.0; ROWS * SIZE],
             covariance: vec![0.0; TOLERATED * TOLERATED],
             mean: vec![0.0; TOLERATED],
             scratch: vec![0.0; TOLERATED * TOLERATED],
+            considered: Considered::default(),
             learnt_bias: [Vector3::zeros(), Vector3::repeat(f64::INFINITY)],
             windows: 0,
         }
@@ -96,37 +133,103 @@ impl Evidence {
             return None;
         }
         for (row, value) in self.gains.chunks_exact(SIZE).zip(value) {
-            for (i, gain) in row.iter().enumerate().filter(|(_, gain)| **gain != 0.0) {
-                let to = &mut self.information[i * SIZE + i..(i + 1) * SIZE];
-                linear::add(to, weight * gain, &row[i..]);
-            }
-            linear::add(&mut self.vector, weight * value, row);
+            self.information.add(row, value, weight);
         }
+        self.take_fine(window, weight)?;
         self.learnt_bias = window.learnt_bias;
         self.windows += 1;
         Some(square)
     }
 
-    /// Gains of all parameters on the rows.
-    fn fill(&mut self, window: &RelationWindow, expected_n: &[f64; CHANNELS]) {
+    /// Takes the rows of the window once more, with the errors that they have where all parameters are exact: this
+    /// information tells whether the parameters are.
+    fn take_fine(&mut self, window: &RelationWindow, weight: f64) -> Option<()> {
+        let t = exact(&self.tuning, &self.setup);
+        let mut factor = covariance_of_rows(window, &self.setup, &t);
+        linear::factor(&mut factor, ROWS)?;
+        let tilted_n_m = tilted_moments(window, &self.setup);
+        for (force, response) in self.considered.response.iter_mut().enumerate() {
+            let sigma = unknown_sigma(window, &self.setup, force, &tilted_n_m, &t);
+            *response = std::array::from_fn(|row| window.gains[row][force] * sigma * sigma);
+            linear::solve(&factor, ROWS, response);
+        }
         let gains = &mut self.gains;
         gains.fill(0.0);
-        let mut put = |row: usize, column: usize, gain: f64| gains[row * SIZE + column] = gain;
-        let read = &window.member_n;
-        for at in 0..CHANNELS {
-            let wheel = at / AXIAL.len();
-            put(at, OFFSET + at, 1.0);
-            put(at, GAIN + at, read[at]);
-            for axis in 0..3 {
-                put(at, SHAPE + 3 * at + axis, window.force_n[3 * wheel + axis]);
-            }
-            put(at, LOST + at, -expected_n[at]);
+        tolerated_gains(&window.loads, &self.setup, &mut |row, column, gain| {
+            gains[row * SIZE + column] = gain;
+        });
+        let mut value = window.value;
+        linear::forward(&factor, ROWS, &mut value);
+        whiten(gains, &factor);
+        for (row, value) in gains.chunks_exact(SIZE).zip(value) {
+            self.fine.add(&row[..TOLERATED], value, weight);
         }
+        Some(())
+    }
+
+    /// Finds the factor on the tolerances for which the drive is likeliest.
+    pub(super) fn consider(&mut self) -> Option<()> {
+        let t = self.tuning;
+        let [largest, smallest] = t.care_limits;
+        let mut best = (self.likelihood(t.care_exact)? + t.care_ratio, 0.0);
+        let mut care = largest;
+        while care > smallest {
+            let likelihood = self.likelihood(care)?;
+            if likelihood > best.0 {
+                best = (likelihood, care);
+            }
+            care *= 0.5;
+        }
+        self.considered.care = best.1;
+        Some(())
+    }
+
+    /// Logarithm of the drive's likelihood with a factor on the tolerances, without a constant. Offsets and the bias
+    /// of the accelerometers have standard deviations of their own.
+    fn likelihood(&mut self, care: f64) -> Option<f64> {
+        let n = TOLERATED;
+        let mut spread = 0.0;
+        for i in 0..n {
+            for j in 0..=i {
+                self.scratch[i * n + j] = self.fine.at(i, j);
+            }
+            let is_stated = (OFFSET..GAIN).contains(&i) || (BIAS..TILT).contains(&i);
+            let factor = if is_stated { 1.0 } else { care };
+            let sigma = factor * self.sigma[i];
+            self.scratch[i * n + i] += sigma.powi(-2);
+            spread += math::ln(sigma);
+        }
+        let mut vector: [f64; TOLERATED] = std::array::from_fn(|at| self.fine.vector[at]);
+        for (at, value) in self.learnt_vector() {
+            vector[at] += value;
+        }
+        linear::factor(&mut self.scratch, n)?;
+        linear::forward(&self.scratch, n, &mut vector);
+        let roots = (0..n).map(|i| math::ln(self.scratch[i * n + i]));
+        Some(0.5 * linear::dot(&vector, &vector) - spread - roots.sum::<f64>())
+    }
+
+    /// Variances of the forces of the tyres by the tolerated parameters, N^2; `None` while they are taken for exact.
+    pub(super) fn force_variances(&self, loads: &Loads) -> Option<[f64; FORCES]> {
+        let considered = &self.considered;
+        let mut tolerance = self.sigma;
+        // That of the height contains slopes of single wheels, which do not act on the forces.
+        tolerance[HEIGHT] = self.tuning.cg_tolerance_m * self.setup.mass_kg;
+        (considered.care > 0.0).then(|| considered.variances(loads, &self.setup, &tolerance))
+    }
+
+    /// Gains of all parameters on the rows.
+    fn fill(&mut self, window: &RelationWindow, expected_n: &[f64; CHANNELS]) {
+        let (gains, setup) = (&mut self.gains, &self.setup);
+        gains.fill(0.0);
+        let mut put = |row: usize, column: usize, gain: f64| gains[row * SIZE + column] = gain;
+        let loads = &window.loads;
+        tolerated_gains(loads, setup, &mut put);
+        for (at, expected_n) in expected_n.iter().enumerate() {
+            put(at, LOST + at, -expected_n);
+        }
+        let read = &loads.member_n;
         for wheel in 0..4 {
-            let row = STRUT_ROW + wheel;
-            let per_force = 1.0 / window.strut_mass_kg[wheel];
-            put(row, PRELOAD + wheel, per_force);
-            put(row, RATE + wheel, per_force * window.spring_n[wheel]);
             for (k, [first, second]) in PAIRS.into_iter().enumerate() {
                 let [first, second] = [first, second].map(|i| AXIAL.len() * wheel + i);
                 let column = EXCHANGED + PAIRS.len() * wheel + k;
@@ -141,48 +244,29 @@ impl Evidence {
                     let [own, other] = [own, other].map(|wheel| AXIAL.len() * wheel + i);
                     put(own, column, read[own] - read[other]);
                 }
-                let more = window.spring_n[other] - window.spring_n[own];
-                put(STRUT_ROW + own, column, more / window.strut_mass_kg[own]);
+                let more = loads.spring_n[other] - loads.spring_n[own];
+                put(STRUT_ROW + own, column, more / loads.strut_mass_kg[own]);
             }
         }
-        self.fill_body(window);
-    }
-
-    /// Gains on the balances: what a parameter adds to the sum of forces, N, and to the angular acceleration,
-    /// rad/s^2.
-    fn fill_body(&mut self, window: &RelationWindow) {
-        let Setup {
-            mass_kg,
-            inverse,
-            imu_m,
-            hitch_m,
-            ..
-        } = self.setup;
-        let force = window.specific_force_m_s2;
-        let gains = &mut self.gains;
-        let mut put = |column: usize, push: Vector3<f64>, turn: Vector3<f64>| {
-            let push = push + mass_kg * turn.cross(&imu_m);
-            for axis in 0..3 {
-                gains[(ACCEL_ROW + axis) * SIZE + column] = push[axis];
-                gains[(TURN_ROW + axis) * SIZE + column] = turn[axis];
-            }
-        };
-        let none = Vector3::zeros();
-        put(MASS, -force, none);
-        put(SCALE, mass_kg * force, none);
+        let force = loads.specific_force_m_s2;
+        let mut put = |column, push, turn| put_body(setup, column, push, turn, &mut put);
         for axis in 0..3 {
             let unit = Vector3::ith(axis, 1.0);
-            put(FIRST_MOMENT + axis, none, -inverse * unit.cross(&force));
-            put(BIAS + axis, mass_kg * unit, none);
-            put(TILT + axis, mass_kg * unit.cross(&force), none);
-            put(LEVER + axis, mass_kg * window.lever * unit, none);
-            put(HITCH + axis, unit, inverse * hitch_m.cross(&unit));
+            put(
+                HITCH + axis,
+                unit,
+                setup.inverse * setup.hitch_m.cross(&unit),
+            );
         }
         let towed = Vector3::new(-force.x, 0.0, 0.0);
-        put(HITCH + 3, towed, inverse * hitch_m.cross(&towed));
+        put(
+            HITCH + 3,
+            towed,
+            setup.inverse * setup.hitch_m.cross(&towed),
+        );
         for k in 0..ROTATIONS {
             let turned = force - right_angles(k + 1).transpose() * force;
-            put(TURNED + k, mass_kg * turned, none);
+            put(TURNED + k, setup.mass_kg * turned, Vector3::zeros());
         }
     }
 
@@ -191,7 +275,7 @@ impl Evidence {
         let n = TOLERATED;
         for i in 0..n {
             for j in 0..=i {
-                self.scratch[i * n + j] = self.information[j * SIZE + i];
+                self.scratch[i * n + j] = self.information.at(i, j);
             }
             self.scratch[i * n + i] += self.sigma[i].powi(-2);
         }
@@ -200,7 +284,7 @@ impl Evidence {
         linear::invert(&self.scratch, n, &mut self.covariance);
         for (mean, row) in self.mean.iter_mut().zip(self.covariance.chunks_exact(n)) {
             let tilted = learnt.iter().map(|(at, value)| row[*at] * value);
-            *mean = linear::dot(row, &self.vector[..n]) + tilted.sum::<f64>();
+            *mean = linear::dot(row, &self.information.vector[..n]) + tilted.sum::<f64>();
         }
         Some(())
     }
@@ -241,7 +325,7 @@ impl Evidence {
         let n = at.len();
         let mut through = [0.0; TOLERATED];
         for (i, own) in at.iter().enumerate() {
-            let cross = |at: usize, k: usize| self.information[k * SIZE + at];
+            let cross = |at: usize, k: usize| self.information.at(k, at);
             let rows = self.covariance.chunks_exact(TOLERATED);
             for (sum, row) in through.iter_mut().zip(rows) {
                 *sum = (row.iter().enumerate())
@@ -249,16 +333,68 @@ impl Evidence {
                     .sum();
             }
             for (j, other) in at.iter().enumerate() {
-                let both = self.information[own.min(other) * SIZE + own.max(other)];
+                let both = self.information.at(*own, *other);
                 let known: f64 = (through.iter().enumerate())
                     .map(|(k, value)| value * cross(*other, k))
                     .sum();
                 information[i * n + j] = both - known;
             }
             let known = self.mean.iter().enumerate();
-            vector[i] =
-                self.vector[*own] - known.map(|(k, mean)| mean * cross(*own, k)).sum::<f64>();
+            vector[i] = self.information.vector[*own]
+                - known.map(|(k, mean)| mean * cross(*own, k)).sum::<f64>();
         }
+    }
+}
+
+/// Gains of the tolerated parameters on the rows: `put` takes row, parameter and gain.
+pub(super) fn tolerated_gains(
+    loads: &Loads,
+    setup: &Setup,
+    put: &mut impl FnMut(usize, usize, f64),
+) {
+    for at in 0..CHANNELS {
+        let wheel = at / AXIAL.len();
+        put(at, OFFSET + at, 1.0);
+        put(at, GAIN + at, loads.member_n[at]);
+        for axis in 0..3 {
+            put(at, SHAPE + 3 * at + axis, loads.force_n[3 * wheel + axis]);
+        }
+    }
+    for wheel in 0..4 {
+        let row = STRUT_ROW + wheel;
+        let per_force = 1.0 / loads.strut_mass_kg[wheel];
+        put(row, PRELOAD + wheel, per_force);
+        put(row, RATE + wheel, per_force * loads.spring_n[wheel]);
+    }
+    let Setup {
+        mass_kg, inverse, ..
+    } = *setup;
+    let force = loads.specific_force_m_s2;
+    let none = Vector3::zeros();
+    let mut put = |column, push, turn| put_body(setup, column, push, turn, put);
+    put(MASS, -force, none);
+    put(SCALE, mass_kg * force, none);
+    for axis in 0..3 {
+        let unit = Vector3::ith(axis, 1.0);
+        put(FIRST_MOMENT + axis, none, -inverse * unit.cross(&force));
+        put(BIAS + axis, mass_kg * unit, none);
+        put(TILT + axis, mass_kg * unit.cross(&force), none);
+        put(LEVER + axis, mass_kg * loads.lever * unit, none);
+    }
+}
+
+/// Gains on the balances: what a parameter adds to the sum of forces, N, and to the angular acceleration, rad/s^2.
+fn put_body(
+    setup: &Setup,
+    column: usize,
+    push: Vector3<f64>,
+    turn: Vector3<f64>,
+    put: &mut impl FnMut(usize, usize, f64),
+) {
+    let push = push + setup.mass_kg * turn.cross(&setup.imu_m);
+    for axis in 0..3 {
+        put(ACCEL_ROW + axis, column, push[axis]);
+        put(TURN_ROW + axis, column, turn[axis]);
     }
 }
 
@@ -289,7 +425,7 @@ fn expected_members(factor: &[f64; ROWS * ROWS], window: &RelationWindow) -> [f6
     linear::invert(factor, ROWS, &mut inverse);
     std::array::from_fn(|at| {
         let row = &inverse[at * ROWS..(at + 1) * ROWS];
-        window.member_n[at] - linear::dot(row, &window.value) / row[at]
+        window.loads.member_n[at] - linear::dot(row, &window.value) / row[at]
     })
 }
 
@@ -318,9 +454,26 @@ pub(crate) fn right_angles(number: usize) -> Matrix3<f64> {
 /// Moment of each load about the wheel's centre by a ground's normal that is not known, N m.
 fn tilted_moments(window: &RelationWindow, setup: &Setup) -> [f64; 4] {
     std::array::from_fn(|wheel| {
-        let load_n = window.force_n[3 * wheel + 2].max(0.0);
+        let load_n = window.loads.force_n[3 * wheel + 2].max(0.0);
         window.tilt_rad * load_n * setup.radius_m[wheel]
     })
+}
+
+/// The errors of the rows where all parameters are exact.
+fn exact(tuning: &MistakeTuning, setup: &Setup) -> MistakeTuning {
+    let mut t = *tuning;
+    let counts_n = setup.count_n.iter().map(|count| count.abs());
+    let resolution = counts_n.fold(0.0, f64::max) / setup.load_n;
+    let part = math::hypot(t.exact_part, t.exact_counts * resolution);
+    for sigma in [
+        &mut t.member_sigma,
+        &mut t.strut_sigma,
+        &mut t.accel_sigma_m_s2,
+        &mut t.turn_sigma_rad_s2,
+    ] {
+        *sigma *= part;
+    }
+    t
 }
 
 /// Variance of what changes in a row from window to window.
@@ -345,7 +498,7 @@ fn row_variance(
         ),
         STRUT_ROW..ACCEL_ROW => {
             let wheel = row - STRUT_ROW;
-            let mass = window.strut_mass_kg[wheel];
+            let mass = window.loads.strut_mass_kg[wheel];
             squares(t.strut_sigma * load, t.road_member, window.roads[wheel]) / (mass * mass)
         }
         ACCEL_ROW..TURN_ROW => {

@@ -89,6 +89,16 @@ tuning! {
         learnt_bias_sigma_m_s2: f64 = 0.03, "m/s²";
         /// Tolerance of the scale of the accelerometers.
         scale_tolerance: f64 = 0.003, "1";
+        /// Errors of the rows where all parameters are exact, as a part of those above.
+        exact_part: f64 = 0.3, "1";
+        /// The same by the resolution of the strain channels, for one count as a part of the same load.
+        exact_counts: f64 = 25.0, "1";
+        /// Factor on all tolerances that stands for exact parameters.
+        care_exact: f64 = 1e-3, "1";
+        /// Largest and smallest factor otherwise; each between is half of the one before.
+        care_limits: [f64; 2] = [1.5, 0.02], "1, 1";
+        /// Logarithm of the ratio of likelihoods from which parameters are no longer taken for exact.
+        care_ratio: f64 = 1.0, "1";
         /// Standard deviation of the offsets of channels that were not zeroed.
         offset_counts: f64 = 12.0, "counts";
         /// Standard deviation of the offset of one channel whose zero is wrong.

@@ -32,6 +32,7 @@ mod smoother;
 mod subsets;
 mod terrain;
 mod truth;
+mod workshop;
 
 #[global_allocator]
 static COUNTING: testkit::Counting = testkit::Counting;

@@ -2,9 +2,7 @@
 
 use atvrec_estimator::{Calibration, Input, Settings};
 use model::sensors::Sensors;
-use model::vehicle::{Vehicle, Wishbone};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use model::vehicle::Vehicle;
 use sample::{Counts, Event, EventKind, Measurement, Sample, StrainChannel, Wheel};
 use testkit::scoring::{self, Estimated, deviations, estimate, force_errors, motion_errors};
 use testkit::sensing;
@@ -16,55 +14,6 @@ fn setting(ignore: &[Input]) -> Settings {
     Settings {
         ignore: ignore.to_vec(),
         ..Settings::default()
-    }
-}
-
-/// A vehicle file as good as a careful workshop's: hard-points within 1 mm, springs and mass
-/// within 1 %, centre of gravity within 10 mm.
-fn workshop(vehicle: &Vehicle, seed: u64) -> Vehicle {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut vehicle = vehicle.clone();
-    for axle in [&mut vehicle.front, &mut vehicle.rear] {
-        let w: &mut Wishbone = axle.wishbone.as_mut().unwrap();
-        for point in [
-            &mut w.wheel_centre_m,
-            &mut w.upper_front_m,
-            &mut w.upper_rear_m,
-            &mut w.upper_ball_m,
-            &mut w.lower_front_m,
-            &mut w.lower_rear_m,
-            &mut w.lower_ball_m,
-            &mut w.strut_chassis_m,
-            &mut w.strut_arm_m,
-            &mut w.tie_rod_inner_m,
-            &mut w.tie_rod_outer_m,
-        ] {
-            for x in point {
-                *x += rng.random_range(-0.001..0.001);
-            }
-        }
-        let strut = axle.strut.as_mut().unwrap();
-        strut.stiffness_n_m *= 1.0 + rng.random_range(-0.01..0.01);
-    }
-    let body = &mut vehicle.body;
-    body.mass_kg *= 1.0 + rng.random_range(-0.01..0.01);
-    let shift = rng.random_range(-0.01..0.01);
-    body.front_axle_to_cg_m += shift;
-    body.cg_to_rear_axle_m -= shift;
-    body.cg_height_m += rng.random_range(-0.01..0.01);
-    vehicle
-}
-
-/// Gains within 1 %.
-fn gains(calibration: &mut Calibration, sensors: &Sensors, seed: u64) {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let nominal = 1.0 / sensors.strain.axial_scale().unwrap().counts_per_unit;
-    for wheel in Wheel::ALL {
-        let corner = calibration.corner.entry(wheel).or_default();
-        for channel in &StrainChannel::ALL[..5] {
-            let gain = nominal * (1.0 + rng.random_range(-0.01..0.01));
-            corner.strain.entry(*channel).or_default().gain_per_count = Some(gain);
-        }
     }
 }
 
@@ -361,31 +310,6 @@ fn a_channel_that_comes_back_good_is_used_again_and_said_so() {
         assert!((0.0..RECOVERED_WITHIN_S).contains(&after_s), "{after_s}");
         for (clean, spoilt) in clean.iter().zip(spoilt) {
             assert!(spoilt < clean + RECOVERED_N, "{clean} {spoilt}");
-        }
-    }
-}
-
-/// Largest errors F_x, F_y, F_z with a careful workshop's parameters, per cent.
-const WORKSHOP_MAX: [f64; 3] = [2.7, 3.3, 2.5];
-
-#[test]
-fn a_workshops_parameters_are_good_enough() {
-    let vehicle = truth::vehicle();
-    let sensors = Sensors::builtin("thesis-10bit").unwrap();
-    for name in RUNS {
-        let Some(run) = truth::run(name) else { return };
-        let samples = run.samples("thesis-10bit", 1);
-        for seed in 1..4 {
-            let mut calibration = Calibration::nominal(&vehicle.name);
-            gains(&mut calibration, &sensors, seed);
-            let measured = workshop(vehicle, seed);
-            let settings = Settings::default();
-            let result = estimate(&measured, &sensors, &calibration, settings, samples);
-            let force = force_errors(run, vehicle, &result);
-            eprintln!("{name:15} workshop {seed}: {force:.2?} %");
-            for (error, most) in force.iter().zip(WORKSHOP_MAX) {
-                assert!(*error <= most, "{name} {force:?}");
-            }
         }
     }
 }
