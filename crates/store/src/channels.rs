@@ -282,3 +282,57 @@ impl Channel {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use sample::{Measurement, SignalFrame};
+
+    use super::*;
+
+    fn record(message: &Arc<str>, names: &[Arc<str>]) -> Record {
+        let signals = names.iter().zip(1..).map(|(name, value)| Signal {
+            name: Arc::clone(name),
+            value: f64::from(value),
+            unit: "".into(),
+        });
+        Record::Sample(Sample {
+            source: SourceId(1),
+            log_time: LogTime(1),
+            valid_time: LogTime(1),
+            device_time: None,
+            measurement: Measurement::Signals(SignalFrame {
+                message: Arc::clone(message),
+                id: 5,
+                signals: signals.collect(),
+            }),
+        })
+    }
+
+    /// Frames with shared names have a plan. Frames with other signals, in another order or with names
+    /// of their own give the bytes that they give without one.
+    #[test]
+    fn plans_change_no_message() {
+        let name = |_| "bus".to_owned();
+        let message: Arc<str> = "M".into();
+        let names: Vec<Arc<str>> = ["a", "b", "c", "d"].map(Into::into).into();
+        let turned = [3, 1].map(|place: usize| Arc::clone(&names[place]));
+        let own: Vec<Arc<str>> = names.iter().map(|name| (**name).into()).collect();
+        let shared = [&names[..2], &names[..3], &turned, &names[..2], &own, &names].concat();
+        let lengths = [2, 3, 2, 2, 4, 4, 0];
+        let mut rest = &shared[..];
+        let (mut planned, mut schemas) = (Channels::default(), Schemas::new());
+        let (mut plain, mut plain_schemas) = (Channels::default(), Schemas::new());
+        for length in lengths {
+            let (signals, after) = rest.split_at(length);
+            rest = after;
+            let record = record(&message, signals);
+            let found = planned.encode(&record, &name, &mut schemas);
+            plain.plans.clear();
+            let expected = plain.encode(&record, &name, &mut plain_schemas);
+            assert_eq!(found, expected);
+            assert_eq!(planned.all.len(), plain.all.len());
+            assert!(planned.plans.len() <= 1);
+        }
+        assert_eq!(planned.plans.len(), 1);
+    }
+}

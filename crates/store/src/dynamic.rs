@@ -373,6 +373,27 @@ mod tests {
         }
     }
 
+    /// The first signals of a schema, with keys of one and of two bytes.
+    #[test]
+    fn signals_in_order_are_encoded_as_any_others() {
+        let names: Vec<String> = (0..20).map(|n| format!("s{n}")).collect();
+        let schemas = names.iter().map(|name| signal(name, &[])).collect();
+        let message = DynamicMessage::can("x", "M", 256, schemas);
+        let values: Vec<Signal> = (names.iter().zip(1..))
+            .map(|(name, value)| Signal {
+                name: name.as_str().into(),
+                value: f64::from(value) / 3.0,
+                unit: "m".into(),
+            })
+            .collect();
+        for count in [0, 1, 15, 16, 20] {
+            let (mut found, mut expected) = (Vec::new(), Vec::new());
+            InOrder(&values[..count]).encode(&mut found);
+            message.encode(&values[..count], &mut expected);
+            assert_eq!(found, expected);
+        }
+    }
+
     /// JSON names by default would be `aB` twice; protobuf libraries refuse such a schema.
     #[test]
     fn every_field_has_a_name_and_a_json_name_of_its_own() {

@@ -247,7 +247,8 @@ fn every_channel_has_its_own_rate() {
                 Output::Can(frame) if frame.id == id => Some(&frame.data),
                 _ => None,
             });
-            let present = |data: &&sample::FrameData| data[2 * field..2 * field + 2] != [0xff, 0xff];
+            let present =
+                |data: &&sample::FrameData| data[2 * field..2 * field + 2] != [0xff, 0xff];
             frames.filter(present).count() as f64
         };
         for (id, field, rate_hz) in [

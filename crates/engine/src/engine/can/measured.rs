@@ -115,7 +115,11 @@ impl Measured {
 
     fn corner(&mut self, wheel: Wheel) -> &mut CornerSample {
         let place = self.corners.partition_point(|known| known.wheel < wheel);
-        if self.corners.get(place).is_none_or(|known| known.wheel != wheel) {
+        if self
+            .corners
+            .get(place)
+            .is_none_or(|known| known.wheel != wheel)
+        {
             let corner = CornerSample {
                 wheel,
                 strain_counts: [None; StrainChannel::COUNT],
@@ -128,7 +132,11 @@ impl Measured {
 
     fn hub(&mut self, wheel: Wheel) -> &mut HubAccelerationSample {
         let place = self.hubs.partition_point(|known| known.wheel < wheel);
-        if self.hubs.get(place).is_none_or(|known| known.wheel != wheel) {
+        if self
+            .hubs
+            .get(place)
+            .is_none_or(|known| known.wheel != wheel)
+        {
             self.hubs.insert(place, HubAccelerationSample::empty(wheel));
         }
         &mut self.hubs[place]
