@@ -36,9 +36,7 @@ pub(super) fn decode(
     scales: &Scales,
 ) -> (Vec<Signal>, Measured) {
     let mut measured = Measured::default();
-    // A J1939 message gets two signals more.
-    let count = message.signals.len() + 2 * usize::from(message.j1939);
-    let mut signals = Vec::with_capacity(count);
+    let mut signals = Vec::with_capacity(message.signals.len());
     for value in message.decode(data) {
         let signal = &plan.signals[value.index];
         signals.push(Signal {
