@@ -39,7 +39,7 @@ fn main() -> anyhow::Result<()> {
             let stamp_ns = frame.kernel_ns.unwrap_or(arrival.realtime_ns);
             let stamped_frame = sample::CanFrame {
                 kernel_ns: Some(stamp_ns),
-                ..*frame
+                ..frame.clone()
             };
             text += &wire::candump::format_line(&name, &stamped_frame);
             text.push('\n');

@@ -1,4 +1,5 @@
 use std::fmt;
+use std::ops::{Deref, DerefMut};
 
 use serde::{Deserialize, Serialize};
 
@@ -154,8 +155,66 @@ impl CanFlags {
     }
 }
 
+/// Data of a CAN frame. At most 8 bytes are in the value itself, more are on the heap: a frame of a
+/// classic bus is small. It is used as a slice of 8 or of 64 bytes.
+#[derive(Clone)]
+pub struct FrameData(Stored);
+
+#[derive(Clone)]
+enum Stored {
+    Inline([u8; 8]),
+    Heap(Box<[u8; 64]>),
+}
+
+impl FrameData {
+    /// Zeros, with space for `len` bytes, at most 64.
+    #[must_use]
+    pub fn zeros(len: u8) -> Self {
+        Self(if len <= 8 {
+            Stored::Inline([0; 8])
+        } else {
+            Stored::Heap(Box::new([0; 64]))
+        })
+    }
+
+    /// These bytes, with zeros behind them. Returns `None` if there are more than 64.
+    #[must_use]
+    pub fn new(bytes: &[u8]) -> Option<Self> {
+        let len = u8::try_from(bytes.len()).ok().filter(|len| *len <= 64)?;
+        let mut data = Self::zeros(len);
+        data[..bytes.len()].copy_from_slice(bytes);
+        Some(data)
+    }
+}
+
+impl Deref for FrameData {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match &self.0 {
+            Stored::Inline(bytes) => bytes,
+            Stored::Heap(bytes) => &**bytes,
+        }
+    }
+}
+
+impl DerefMut for FrameData {
+    fn deref_mut(&mut self) -> &mut [u8] {
+        match &mut self.0 {
+            Stored::Inline(bytes) => bytes,
+            Stored::Heap(bytes) => &mut **bytes,
+        }
+    }
+}
+
+impl PartialEq for FrameData {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
 /// One frame of a CAN bus.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct CanFrame {
     /// 11- or 29-bit identifier without flag bits; the error class of an error frame.
     pub id: u32,
@@ -163,8 +222,8 @@ pub struct CanFrame {
     pub flags: CanFlags,
     /// Number of valid bytes in `data` (of a remote frame: bytes asked for).
     pub len: u8,
-    /// Data; bytes from `len` on are zero.
-    pub data: [u8; 64],
+    /// Data: 8 bytes, or 64 if `len` is larger than 8. Bytes from `len` on are zero.
+    pub data: FrameData,
     /// Data length code, 9 to 15, of a classic frame with 8 bytes; 0 if the code follows from `len`
     /// (`len8_dlc` of `linux/can.h`).
     pub len8_dlc: u8,
@@ -182,13 +241,11 @@ impl CanFrame {
         if data.len() > if flags.fd { 64 } else { 8 } {
             return None;
         }
-        let mut padded = [0; 64];
-        padded[..data.len()].copy_from_slice(data);
         Some(Self {
             id,
             flags,
             len: data.len() as u8,
-            data: padded,
+            data: FrameData::new(data)?,
             len8_dlc: 0,
             kernel_ns: None,
             hardware_ns: None,
@@ -201,7 +258,7 @@ impl CanFrame {
         if self.flags.remote {
             &[]
         } else {
-            &self.data[..usize::from(self.len.min(64))]
+            &self.data[..usize::from(self.len).min(self.data.len())]
         }
     }
 }
@@ -227,6 +284,26 @@ mod tests {
         for bits in 0..128 {
             assert_eq!(CanFlags::from_bits(bits).to_bits(), bits);
         }
+    }
+
+    /// Frames are copied and moved several times between a bus and the log.
+    #[test]
+    fn frames_and_arrivals_are_small() {
+        assert!(size_of::<CanFrame>() <= 64);
+        assert!(size_of::<Arrival>() <= 64);
+    }
+
+    #[test]
+    fn long_data_is_kept_whole() {
+        let bytes: Vec<u8> = (1..=64).collect();
+        for len in [0, 7, 8, 9, 48, 64] {
+            let data = FrameData::new(&bytes[..len]).expect("64 bytes at most");
+            assert_eq!(data.len(), if len <= 8 { 8 } else { 64 });
+            assert_eq!(data[..len], bytes[..len]);
+            assert!(data[len..].iter().all(|byte| *byte == 0));
+            assert!(data == data.clone());
+        }
+        assert!(FrameData::new(&[0; 65]).is_none());
     }
 
     #[test]

@@ -28,7 +28,7 @@ mod terrain;
 pub mod text;
 mod wheel;
 
-pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
+pub use arrival::{Arrival, CanFlags, CanFrame, FrameData, LossPlace, Notice, Payload, SourceId};
 pub use axes::WheelAxes;
 pub use estimate::{
     AxleGrip, Estimate, Event, EventKind, ForceFrame, ForceSource, Health, MessageCount, Motion,

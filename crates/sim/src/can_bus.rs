@@ -3,7 +3,7 @@
 use model::sensors::{HubAcceleration, Sensors};
 use model::strain::ABSENT_COUNT;
 use model::vehicle::Vehicle;
-use sample::{CanFlags, CanFrame, PerWheel, StrainChannel, Wheel};
+use sample::{CanFlags, CanFrame, FrameData, PerWheel, StrainChannel, Wheel};
 
 use crate::corner::Corner;
 use crate::emission::{Emission, Output, Port};
@@ -248,7 +248,7 @@ pub(crate) fn frame_bits(bytes: u8) -> f64 {
 
 /// A frame of four 16-bit fields, least significant byte first.
 pub(crate) fn frame(id: u32, fields: [Option<u16>; 4]) -> CanFrame {
-    let mut data = [0; 64];
+    let mut data = FrameData::zeros(8);
     for (bytes, field) in data.chunks_exact_mut(2).zip(fields) {
         bytes.copy_from_slice(&field.unwrap_or(ABSENT_COUNT).to_le_bytes());
     }

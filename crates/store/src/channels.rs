@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use sample::{LogTime, Sample, SourceId};
+use sample::{LogTime, Sample, Signal, SourceId};
 
 use crate::convert::{self, Address, Body, Encoded};
 use crate::dynamic::{self, DynamicMessage};
@@ -75,6 +75,25 @@ pub(crate) struct Channels {
     by_address: HashMap<Address, usize>,
     /// Positions of channels with run-time schemas, by source and name of the message.
     by_name: HashMap<SourceId, HashMap<Arc<str>, usize>>,
+    /// Plans of CAN messages, by source and address of the shared name. A channel has at most one.
+    plans: HashMap<(SourceId, usize), Plan>,
+}
+
+/// Channel and signals of a CAN message. Frames of a decoder share the texts, so that their addresses
+/// show that a frame has the signals of the schema in its order.
+struct Plan {
+    channel: usize,
+    /// Keeps the address of the name.
+    _name: Arc<str>,
+    signals: Vec<Arc<str>>,
+}
+
+impl Plan {
+    fn fits(&self, signals: &[Signal]) -> bool {
+        signals.len() <= self.signals.len()
+            && (signals.iter().zip(&self.signals))
+                .all(|(signal, known)| Arc::ptr_eq(&signal.name, known))
+    }
 }
 
 impl Channels {
@@ -138,22 +157,52 @@ impl Channels {
         if let Record::Sample(sample) = record
             && let Some(values) = dynamic::Values::of(sample)
         {
-            let channel = self.of_values(sample, &values, name, dynamic);
-            let Some(known) = dynamic.get(&*self.all[channel].topic) else {
+            let mut outgoing = Outgoing {
+                channel: 0,
+                log_time: sample.log_time,
+                publish_time: sample.valid_time,
+                body: &dynamic::InOrder(values.signals),
+            };
+            let key = values.plan_key(sample.source);
+            let plan = key.and_then(|key| self.plans.get(&key));
+            if let Some(plan) = plan.filter(|plan| plan.fits(values.signals)) {
+                outgoing.channel = plan.channel;
+                return take(self, outgoing, dynamic);
+            }
+            outgoing.channel = self.of_values(sample, &values, name, dynamic);
+            let Some(known) = dynamic.get(&*self.all[outgoing.channel].topic) else {
                 return;
             };
+            if known.begins_with(values.signals) {
+                self.plan(sample.source, &values, outgoing.channel);
+                return take(self, outgoing, dynamic);
+            }
             let body = dynamic::Frame {
                 message: known,
                 signals: values.signals,
             };
-            let outgoing = Outgoing {
-                channel,
-                log_time: sample.log_time,
-                publish_time: sample.valid_time,
-                body: &body,
-            };
+            outgoing.body = &body;
             take(self, outgoing, dynamic);
         }
+    }
+
+    /// Makes the plan of a CAN message, unless there is one with as many signals.
+    fn plan(&mut self, source: SourceId, values: &dynamic::Values<'_>, channel: usize) {
+        let (Some(key), Some(name)) = (values.plan_key(source), values.name) else {
+            return;
+        };
+        let known = self.plans.get(&key);
+        if known.is_some_and(|plan| plan.signals.len() >= values.signals.len()) {
+            return;
+        }
+        self.plans.retain(|_, plan| plan.channel != channel);
+        let signals = values.signals.iter();
+        let plan = Plan {
+            channel,
+            _name: Arc::clone(name),
+            signals: signals.map(|signal| Arc::clone(&signal.name)).collect(),
+        };
+        self.plans.insert(key, plan);
     }
 
     /// The messages of a record.
@@ -207,6 +256,8 @@ impl Channels {
             // The schema has new fields: the topic continues in a new channel.
             let old = self.all.iter_mut().filter(|channel| channel.topic == topic);
             old.for_each(|channel| channel.is_ended = true);
+            let all = &self.all;
+            self.plans.retain(|_, plan| !all[plan.channel].is_ended);
         }
         let schema = dynamic.get(&*topic).map(DynamicMessage::schema_name);
         let position = self.named(&topic, &schema.unwrap_or_default(), Some(sample.source));
@@ -229,5 +280,59 @@ impl Channel {
             publish_time: message.publish_time,
             data,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use sample::{Measurement, SignalFrame};
+
+    use super::*;
+
+    fn record(message: &Arc<str>, names: &[Arc<str>]) -> Record {
+        let signals = names.iter().zip(1..).map(|(name, value)| Signal {
+            name: Arc::clone(name),
+            value: f64::from(value),
+            unit: "".into(),
+        });
+        Record::Sample(Sample {
+            source: SourceId(1),
+            log_time: LogTime(1),
+            valid_time: LogTime(1),
+            device_time: None,
+            measurement: Measurement::Signals(SignalFrame {
+                message: Arc::clone(message),
+                id: 5,
+                signals: signals.collect(),
+            }),
+        })
+    }
+
+    /// Frames with shared names have a plan. Frames with other signals, in another order or with names
+    /// of their own give the bytes that they give without one.
+    #[test]
+    fn plans_change_no_message() {
+        let name = |_| "bus".to_owned();
+        let message: Arc<str> = "M".into();
+        let names: Vec<Arc<str>> = ["a", "b", "c", "d"].map(Into::into).into();
+        let turned = [3, 1].map(|place: usize| Arc::clone(&names[place]));
+        let own: Vec<Arc<str>> = names.iter().map(|name| (**name).into()).collect();
+        let shared = [&names[..2], &names[..3], &turned, &names[..2], &own, &names].concat();
+        let lengths = [2, 3, 2, 2, 4, 4, 0];
+        let mut rest = &shared[..];
+        let (mut planned, mut schemas) = (Channels::default(), Schemas::new());
+        let (mut plain, mut plain_schemas) = (Channels::default(), Schemas::new());
+        for length in lengths {
+            let (signals, after) = rest.split_at(length);
+            rest = after;
+            let record = record(&message, signals);
+            let found = planned.encode(&record, &name, &mut schemas);
+            plain.plans.clear();
+            let expected = plain.encode(&record, &name, &mut plain_schemas);
+            assert_eq!(found, expected);
+            assert_eq!(planned.all.len(), plain.all.len());
+            assert!(planned.plans.len() <= 1);
+        }
+        assert_eq!(planned.plans.len(), 1);
     }
 }

@@ -2,8 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 use prost::Message as _;
+use prost::encoding::WireType;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use sample::{Measurement, Sample, Signal, SourceId};
@@ -15,6 +17,9 @@ use crate::convert::Body;
 pub const CAN_ID: &str = "j1939_can_id";
 /// Signal with the source address of each frame of a J1939 message.
 pub const SOURCE_ADDRESS: &str = "j1939_source_address";
+
+/// Field numbers below this one have a key of one byte.
+const ONE_BYTE_KEYS: u32 = 16;
 
 /// A message whose signals are known at run time.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -158,7 +163,7 @@ impl DynamicMessage {
     }
 
     /// Whether these signals are the first ones of the schema, in its order.
-    fn begins_with(&self, signals: &[Signal]) -> bool {
+    pub(crate) fn begins_with(&self, signals: &[Signal]) -> bool {
         signals.len() <= self.signals.len()
             && (signals.iter().zip(&self.signals))
                 .all(|(signal, known)| *signal.name == *known.name)
@@ -183,12 +188,6 @@ impl DynamicMessage {
     }
 
     fn encode(&self, signals: &[Signal], bytes: &mut Vec<u8>) {
-        if self.begins_with(signals) {
-            for (signal, number) in signals.iter().zip(field_numbers()) {
-                prost::encoding::double::encode(number, &signal.value, bytes);
-            }
-            return;
-        }
         for signal in signals {
             let position = self.signals.iter().position(|s| s.name == *signal.name);
             if let Some(number) = position.and_then(|p| field_numbers().nth(p)) {
@@ -198,10 +197,29 @@ impl DynamicMessage {
     }
 }
 
+/// Signals that are the first ones of their schema, in its order.
+pub(crate) struct InOrder<'a>(pub &'a [Signal]);
+
+impl Body for InOrder<'_> {
+    fn encode(&self, out: &mut Vec<u8>) {
+        for (signal, number) in self.0.iter().zip(field_numbers()) {
+            if number >= ONE_BYTE_KEYS {
+                prost::encoding::double::encode(number, &signal.value, out);
+                continue;
+            }
+            let mut field = [(number << 3 | WireType::SixtyFourBit as u32) as u8; 9];
+            field[1..].copy_from_slice(&signal.value.to_le_bytes());
+            out.extend_from_slice(&field);
+        }
+    }
+}
+
 /// Values of a sample whose fields are known at run time only.
 pub(crate) struct Values<'a> {
     /// Name of the CAN message; empty for a controller.
     pub message: &'a str,
+    /// The same, as frames share it.
+    pub name: Option<&'a Arc<str>>,
     can_id: Option<u32>,
     pub signals: &'a [Signal],
 }
@@ -212,16 +230,23 @@ impl<'a> Values<'a> {
         match &sample.measurement {
             Measurement::Signals(frame) => Some(Self {
                 message: &frame.message,
+                name: Some(&frame.message),
                 can_id: Some(frame.id),
                 signals: &frame.signals,
             }),
             Measurement::Control(control) => Some(Self {
                 message: "",
+                name: None,
                 can_id: None,
                 signals: &control.values,
             }),
             _ => None,
         }
+    }
+
+    /// Source of a CAN message and address of its shared name.
+    pub(crate) fn plan_key(&self, source: SourceId) -> Option<(SourceId, usize)> {
+        self.name.map(|name| (source, Arc::as_ptr(name).addr()))
     }
 
     /// Topic, for a source of this name.
@@ -345,6 +370,27 @@ mod tests {
             name: name.to_owned(),
             unit: "m".to_owned(),
             labels: labels.iter().map(|(v, l)| (*v, (*l).to_owned())).collect(),
+        }
+    }
+
+    /// The first signals of a schema, with keys of one and of two bytes.
+    #[test]
+    fn signals_in_order_are_encoded_as_any_others() {
+        let names: Vec<String> = (0..20).map(|n| format!("s{n}")).collect();
+        let schemas = names.iter().map(|name| signal(name, &[])).collect();
+        let message = DynamicMessage::can("x", "M", 256, schemas);
+        let values: Vec<Signal> = (names.iter().zip(1..))
+            .map(|(name, value)| Signal {
+                name: name.as_str().into(),
+                value: f64::from(value) / 3.0,
+                unit: "m".into(),
+            })
+            .collect();
+        for count in [0, 1, 15, 16, 20] {
+            let (mut found, mut expected) = (Vec::new(), Vec::new());
+            InOrder(&values[..count]).encode(&mut found);
+            message.encode(&values[..count], &mut expected);
+            assert_eq!(found, expected);
         }
     }
 

@@ -17,6 +17,10 @@ use crate::{Error, Losses, Options, Record, Result, Session, raw};
 use filling::Filling;
 pub(crate) use handover::{Latched, Pending};
 
+/// zstd level of the decoded messages of sensors. A replay makes them again from the raw data, so that
+/// a short time to write them is worth more than the last bytes.
+const SENSORS_LEVEL: i32 = 1;
+
 /// Writes one log to a [`Write`]. It reads no clock: the same input gives the same bytes.
 ///
 /// Arrivals are collected in groups. A group is closed, compressed and written when
@@ -80,7 +84,7 @@ impl<W: Write> LogWriter<W> {
             channels: Channels::default(),
             encoder: raw::Encoder::new(raw::Packing::Compact),
             group: Vec::new(),
-            decoded: Default::default(),
+            decoded: [SENSORS_LEVEL, 0].map(Chunk::new),
             decoded_since: None,
             refused: None,
             chunk: Chunk::default(),
@@ -120,7 +124,8 @@ impl<W: Write> LogWriter<W> {
             self.counters.messages += 1;
         }
         self.latched = latched;
-        Ok(self.mcap.write_chunk(&mut self.chunk)?)
+        self.mcap.write_chunk(&mut self.chunk)?;
+        Ok(())
     }
 
     /// Takes the data that a failed log could not take; nothing is written before the next flush.
@@ -306,7 +311,7 @@ impl<W: Write> LogWriter<W> {
 
     /// Whether decoded messages wait for the next flush.
     pub(crate) fn has_decoded(&self) -> bool {
-        self.decoded.iter().any(|chunk| chunk.count() > 0)
+        self.decoded.iter().any(|chunk| chunk.bytes() > 0)
     }
 
     /// Discards the decoded messages that wait for the next flush.
@@ -357,9 +362,7 @@ impl<W: Write> LogWriter<W> {
             return Err(error);
         }
         for chunk in &mut self.decoded {
-            let count = chunk.count();
-            self.mcap.write_chunk(chunk)?;
-            self.counters.messages += count;
+            self.counters.messages += self.mcap.write_chunk(chunk)?;
         }
         self.decoded_since = None;
         Ok(())
@@ -406,8 +409,7 @@ impl<W: Write> LogWriter<W> {
         let mut metadata = self.counters.to_metadata(&self.session);
         metadata.extend(extra.clone());
         self.mcap.write_metadata(COUNTERS_METADATA, &metadata)?;
-        self.mcap.finish()?;
-        Ok(self.mcap.into_inner())
+        Ok(self.mcap.finish()?)
     }
 }
 

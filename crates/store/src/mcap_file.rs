@@ -11,84 +11,83 @@ use std::io::Write;
 
 use mcap::records::op;
 use mcap::{MAGIC, McapError, McapResult};
+use zstd::bulk::Compressor;
+use zstd::zstd_safe::compress_bound;
 
 pub(crate) use chunk::Chunk;
 
-/// Name of the compression in the file.
-const COMPRESSION: &str = "zstd";
+/// Bytes of the kind and the length of a record.
+const HEAD_BYTES: usize = 9;
 
 /// Writes one file.
 pub(crate) struct McapFile<W> {
     sink: W,
     position: u64,
     checksum: crc32fast::Hasher,
-    /// `None` writes chunks without compression.
-    compressor: Option<zstd::bulk::Compressor<'static>>,
+    /// zstd level; `None` writes chunks without compression.
+    level: Option<i32>,
+    compressor: Compressor<'static>,
     /// Schemas by name and data.
     schema_ids: HashMap<(String, Vec<u8>), u16>,
-    /// Records of schemas and channels, for the end of the file.
-    schemas: Vec<u8>,
-    channels: Vec<u8>,
-    channel_count: u16,
+    /// Records for the end of the file and their number, by kind.
+    summary: BTreeMap<u8, (Vec<u8>, u32)>,
     /// Records of schemas and channels that the next chunk must contain.
     new: Vec<u8>,
     /// Messages by channel.
     counts: BTreeMap<u16, u64>,
-    span: Option<(u64, u64)>,
-    chunks: Indexes,
-    attachments: Indexes,
-    metadata: Indexes,
+    span: Option<[u64; 2]>,
     /// Buffers that are kept between chunks.
     compressed: Vec<u8>,
     out: Vec<u8>,
 }
 
-/// Records of indexes for the end of the file.
-#[derive(Default)]
-struct Indexes {
-    records: Vec<u8>,
-    count: u32,
-}
-
 impl<W: Write> McapFile<W> {
-    /// Begins a file; no level is no compression.
+    /// Begins a file. No level is no compression; with level zero, each chunk has its own level.
     pub(crate) fn create(sink: W, library: &str, level: Option<u32>) -> McapResult<Self> {
-        let compressor = level
-            .map(|level| zstd::bulk::Compressor::new(i32::try_from(level).unwrap_or(i32::MAX)))
-            .transpose()?;
         let mut file = Self {
             sink,
             position: 0,
             checksum: crc32fast::Hasher::new(),
-            compressor,
+            level: level.map(|level| i32::try_from(level).unwrap_or(i32::MAX)),
+            compressor: Compressor::new(0)?,
             schema_ids: HashMap::new(),
-            schemas: Vec::new(),
-            channels: Vec::new(),
-            channel_count: 0,
+            summary: BTreeMap::new(),
             new: Vec::new(),
             counts: BTreeMap::new(),
             span: None,
-            chunks: Indexes::default(),
-            attachments: Indexes::default(),
-            metadata: Indexes::default(),
             compressed: Vec::new(),
             out: MAGIC.to_vec(),
         };
-        record(&mut file.out, op::HEADER, |out| {
-            text(out, "");
-            text(out, library);
-        });
-        file.put_out()?;
+        file.put(op::HEADER, &[&sized(""), &sized(library)])?;
         Ok(file)
     }
 
-    /// Writes what is in the buffer.
-    fn put_out(&mut self) -> McapResult<()> {
+    /// Writes a record, and returns its place and length.
+    fn put(&mut self, kind: u8, body: &[&[u8]]) -> McapResult<[u64; 2]> {
+        record(&mut self.out, kind, body);
+        self.put_out()
+    }
+
+    /// Writes what is in the buffer, and returns its place and length.
+    fn put_out(&mut self) -> McapResult<[u64; 2]> {
         self.sink.write_all(&self.out)?;
         self.checksum.update(&self.out);
-        self.position += self.out.len() as u64;
+        let place = [self.position, self.out.len() as u64];
+        self.position += place[1];
         self.out.clear();
-        Ok(())
+        Ok(place)
+    }
+
+    /// Adds a record to the end of the file.
+    fn index(&mut self, kind: u8, body: &[&[u8]]) {
+        let (records, count) = self.summary.entry(kind).or_default();
+        record(records, kind, body);
+        *count += 1;
+    }
+
+    /// Number of the records of a kind at the end of the file.
+    fn number_of(&self, kind: u8) -> u32 {
+        self.summary.get(&kind).map_or(0, |(_, count)| *count)
     }
 
     pub(crate) fn write_metadata(
@@ -96,41 +95,22 @@ impl<W: Write> McapFile<W> {
         name: &str,
         metadata: &BTreeMap<String, String>,
     ) -> McapResult<()> {
-        let start = self.position;
-        record(&mut self.out, op::METADATA, |out| {
-            text(out, name);
-            map(out, metadata);
-        });
-        self.put_out()?;
-        let length = self.position - start;
-        self.metadata.push(op::METADATA_INDEX, |out| {
-            numbers(out, &[start, length]);
-            text(out, name);
-        });
+        let place = self.put(op::METADATA, &[&sized(name), &texts(metadata)])?;
+        self.index(op::METADATA_INDEX, &[&numbers(place), &sized(name)]);
         Ok(())
     }
 
     pub(crate) fn attach(&mut self, attachment: &mcap::Attachment<'_>) -> McapResult<()> {
-        let start = self.position;
-        let times = [attachment.log_time, attachment.create_time];
-        let size = attachment.data.len() as u64;
-        record(&mut self.out, op::ATTACHMENT, |out| {
-            let body = out.len();
-            numbers(out, &times);
-            text(out, &attachment.name);
-            text(out, &attachment.media_type);
-            numbers(out, &[size]);
-            out.extend_from_slice(&attachment.data);
-            let checksum = crc32fast::hash(&out[body..]);
-            out.extend_from_slice(&checksum.to_le_bytes());
-        });
-        self.put_out()?;
-        let length = self.position - start;
-        self.attachments.push(op::ATTACHMENT_INDEX, |out| {
-            numbers(out, &[start, length, times[0], times[1], size]);
-            text(out, &attachment.name);
-            text(out, &attachment.media_type);
-        });
+        let times = numbers([attachment.log_time, attachment.create_time]);
+        let names = [&attachment.name, &attachment.media_type]
+            .map(sized)
+            .concat();
+        let size = numbers([attachment.data.len() as u64]);
+        let body = [&times, &names, &size, &*attachment.data].concat();
+        let checksum = crc32fast::hash(&body).to_le_bytes();
+        let place = self.put(op::ATTACHMENT, &[&body, &checksum])?;
+        let body: [&[u8]; 4] = [&numbers(place), &times, &size, &names];
+        self.index(op::ATTACHMENT_INDEX, &body);
         Ok(())
     }
 
@@ -141,15 +121,9 @@ impl<W: Write> McapFile<W> {
             return Ok(*id);
         }
         let id = u16::try_from(self.schema_ids.len() + 1).map_err(|_| McapError::TooManySchemas)?;
-        let start = self.schemas.len();
-        record(&mut self.schemas, op::SCHEMA, |out| {
-            out.extend_from_slice(&id.to_le_bytes());
-            text(out, name);
-            text(out, "protobuf");
-            bytes(out, data);
-        });
-        self.new.extend_from_slice(&self.schemas[start..]);
         self.schema_ids.insert(key, id);
+        let texts = [sized(name), sized("protobuf"), sized(data)].concat();
+        self.define(op::SCHEMA, &[&id.to_le_bytes(), &texts]);
         Ok(id)
     }
 
@@ -160,182 +134,150 @@ impl<W: Write> McapFile<W> {
         topic: &str,
         metadata: &BTreeMap<String, String>,
     ) -> McapResult<u16> {
-        let id = (self.channel_count.checked_add(1)).ok_or(McapError::TooManyChannels)?;
-        self.channel_count = id;
-        let start = self.channels.len();
-        record(&mut self.channels, op::CHANNEL, |out| {
-            out.extend_from_slice(&id.to_le_bytes());
-            out.extend_from_slice(&schema.to_le_bytes());
-            text(out, topic);
-            text(out, "protobuf");
-            map(out, metadata);
-        });
-        self.new.extend_from_slice(&self.channels[start..]);
+        let id = self.number_of(op::CHANNEL) + 1;
+        let id = u16::try_from(id).map_err(|_| McapError::TooManyChannels)?;
+        let ids = [id, schema].map(u16::to_le_bytes).concat();
+        let texts = [sized(topic), sized("protobuf"), texts(metadata)].concat();
+        self.define(op::CHANNEL, &[&ids, &texts]);
         Ok(id)
     }
 
-    /// Writes a chunk with its indexes, and empties it. A chunk that the sink refuses keeps its messages.
-    pub(crate) fn write_chunk(&mut self, chunk: &mut Chunk) -> McapResult<()> {
-        let Some((first, last)) = chunk.span() else {
-            return Ok(());
+    fn define(&mut self, kind: u8, body: &[&[u8]]) {
+        self.index(kind, body);
+        record(&mut self.new, kind, body);
+    }
+
+    /// Writes a chunk with its indexes, empties it, and returns the number of its messages. A chunk
+    /// that the sink refuses keeps its messages.
+    pub(crate) fn write_chunk(&mut self, chunk: &mut Chunk) -> McapResult<u64> {
+        let Some([first, last]) = chunk.span else {
+            return Ok(0);
         };
-        chunk.prepend(&self.new);
-        self.new.clear();
-        let contents = chunk.contents();
-        let stored = match &mut self.compressor {
-            Some(compressor) => {
-                self.compressed
-                    .resize(zstd::zstd_safe::compress_bound(contents.len()), 0);
-                let length = compressor.compress_to_buffer(contents, &mut self.compressed[..])?;
-                &self.compressed[..length]
+        chunk.prepend(&std::mem::take(&mut self.new));
+        let contents = &*chunk.records;
+        let (compression, stored) = match self.level {
+            Some(level) => {
+                let level = if level == 0 { chunk.level } else { level };
+                self.compressor.set_compression_level(level)?;
+                self.compressed.clear();
+                self.compressed.reserve(compress_bound(contents.len()));
+                (self.compressor).compress_to_buffer(contents, &mut self.compressed)?;
+                (sized("zstd"), &*self.compressed)
             }
-            None => contents,
+            None => (sized(""), contents),
         };
-        let compression = self.compressor.as_ref().map_or("", |_| COMPRESSION);
-        let sizes = [contents.len() as u64, stored.len() as u64];
-        record(&mut self.out, op::CHUNK, |out| {
-            numbers(out, &[first, last, sizes[0]]);
-            out.extend_from_slice(&crc32fast::hash(contents).to_le_bytes());
-            text(out, compression);
-            numbers(out, &[sizes[1]]);
-            out.extend_from_slice(stored);
-        });
-        let start = self.position;
+        let [size, stored_size] = [contents, stored].map(|bytes| bytes.len() as u64);
+        let head = numbers([first, last, size]);
+        let checksum = crc32fast::hash(contents).to_le_bytes();
+        let tail = [&compression, &*numbers([stored_size]), stored];
+        record(
+            &mut self.out,
+            op::CHUNK,
+            &[&head, &checksum, &tail.concat()],
+        );
         let length = self.out.len() as u64;
-        let offsets = chunk.write_indexes(&mut self.out, start);
-        let indexes = self.out.len() as u64 - length;
-        self.put_out()?;
-        self.chunks.push(op::CHUNK_INDEX, |out| {
-            numbers(out, &[first, last, start, length]);
-            pairs(out, &offsets);
-            numbers(out, &[indexes]);
-            text(out, compression);
-            numbers(out, &[sizes[1], sizes[0]]);
-        });
-        let (begin, end) = self.span.unwrap_or((first, last));
-        self.span = Some((begin.min(first), end.max(last)));
-        for (channel, count) in chunk.counts() {
-            *self.counts.entry(channel).or_default() += count;
+        let (mut places, mut count) = (Vec::new(), 0);
+        for (channel, entries) in &chunk.index {
+            let place = self.position + self.out.len() as u64;
+            places.extend(pair(channel, &place));
+            let mut bytes = Vec::with_capacity(16 * entries.len());
+            for entry in entries {
+                bytes.extend_from_slice(entry.map(u64::to_le_bytes).as_flattened());
+            }
+            let body: [&[u8]; 2] = [&channel.to_le_bytes(), &sized(bytes)];
+            record(&mut self.out, op::MESSAGE_INDEX, &body);
+        }
+        let [start, whole] = self.put_out()?;
+        let head = numbers([first, last, start, length]);
+        let tail = [
+            numbers([whole - length]),
+            compression,
+            numbers([stored_size, size]),
+        ];
+        self.index(op::CHUNK_INDEX, &[&head, &sized(places), &tail.concat()]);
+        let [begin, end] = self.span.unwrap_or([first, last]);
+        self.span = Some([begin.min(first), end.max(last)]);
+        for (channel, entries) in &chunk.index {
+            *self.counts.entry(*channel).or_default() += entries.len() as u64;
+            count += entries.len() as u64;
         }
         chunk.clear();
-        Ok(())
+        Ok(count)
     }
 
-    /// Writes the end of the file.
-    pub(crate) fn finish(&mut self) -> McapResult<()> {
+    /// Writes the end of the file, and returns the sink.
+    pub(crate) fn finish(mut self) -> McapResult<W> {
         let checksum = self.checksum.clone().finalize();
-        record(&mut self.out, op::DATA_END, |out| {
-            out.extend_from_slice(&checksum.to_le_bytes());
-        });
-        self.put_out()?;
-        let start = self.position;
-        let mut statistics = Vec::new();
-        record(&mut statistics, op::STATISTICS, |out| self.count(out));
-        let groups: [(u8, &[u8]); 6] = [
-            (op::SCHEMA, &self.schemas),
-            (op::CHANNEL, &self.channels),
-            (op::STATISTICS, &statistics),
-            (op::CHUNK_INDEX, &self.chunks.records),
-            (op::ATTACHMENT_INDEX, &self.attachments.records),
-            (op::METADATA_INDEX, &self.metadata.records),
-        ];
-        let out = &mut self.out;
-        let mut offsets = Vec::new();
-        for (kind, records) in groups
-            .into_iter()
-            .filter(|(_, records)| !records.is_empty())
-        {
-            record(&mut offsets, op::SUMMARY_OFFSET, |offset| {
-                offset.push(kind);
-                numbers(offset, &[start + out.len() as u64, records.len() as u64]);
-            });
-            out.extend_from_slice(records);
+        self.put(op::DATA_END, &[&checksum.to_le_bytes()])?;
+        self.index_statistics();
+        let (start, mut offsets) = (self.position, Vec::new());
+        let definitions = [op::SCHEMA, op::CHANNEL, op::STATISTICS];
+        let indexes = [op::CHUNK_INDEX, op::ATTACHMENT_INDEX, op::METADATA_INDEX];
+        for kind in definitions.into_iter().chain(indexes) {
+            if let Some((records, _)) = self.summary.get(&kind) {
+                let place = [start + self.out.len() as u64, records.len() as u64];
+                record(
+                    &mut offsets,
+                    op::SUMMARY_OFFSET,
+                    &[&[kind], &numbers(place)],
+                );
+                self.out.extend_from_slice(records);
+            }
         }
-        let offsets_start = start + out.len() as u64;
-        out.extend_from_slice(&offsets);
-        record(out, op::FOOTER, |out| {
-            numbers(out, &[start, offsets_start]);
-            // The length of the record covers the checksum, which follows.
-            out.extend_from_slice(&[0; 4]);
-        });
-        out.truncate(out.len() - 4);
-        let checksum = crc32fast::hash(out);
-        out.extend_from_slice(&checksum.to_le_bytes());
-        out.extend_from_slice(MAGIC);
+        let places = numbers([start, start + self.out.len() as u64]);
+        self.out.extend(offsets);
+        record(&mut self.out, op::FOOTER, &[&places, &[0; 4]]);
+        // The last field of the footer is the checksum of everything before it.
+        self.out.truncate(self.out.len() - 4);
+        let checksum = crc32fast::hash(&self.out).to_le_bytes();
+        self.out.extend([&checksum[..], MAGIC].concat());
         self.put_out()?;
-        Ok(self.sink.flush()?)
+        self.sink.flush()?;
+        Ok(self.sink)
     }
 
-    /// Body of the statistics.
-    fn count(&self, out: &mut Vec<u8>) {
-        let messages: u64 = self.counts.values().sum();
-        numbers(out, &[messages]);
-        out.extend_from_slice(&(self.schema_ids.len() as u16).to_le_bytes());
-        let channels = u32::from(self.channel_count);
-        let counts = [
-            channels,
-            self.attachments.count,
-            self.metadata.count,
-            self.chunks.count,
+    fn index_statistics(&mut self) {
+        let messages = numbers([self.counts.values().sum()]);
+        let schemas = (self.schema_ids.len() as u16).to_le_bytes();
+        let others = [
+            op::CHANNEL,
+            op::ATTACHMENT_INDEX,
+            op::METADATA_INDEX,
+            op::CHUNK_INDEX,
         ];
-        out.extend(counts.into_iter().flat_map(u32::to_le_bytes));
-        let (first, last) = self.span.unwrap_or_default();
-        numbers(out, &[first, last]);
-        pairs(out, &self.counts);
-    }
-
-    /// The sink.
-    pub(crate) fn into_inner(self) -> W {
-        self.sink
+        let others = others.map(|kind| self.number_of(kind).to_le_bytes());
+        let span = numbers(self.span.unwrap_or_default());
+        let counts = self.counts.iter().flat_map(|(k, n)| pair(k, n));
+        let tail = [others.concat(), span, sized(counts.collect::<Vec<u8>>())];
+        self.index(op::STATISTICS, &[&messages, &schemas, &tail.concat()]);
     }
 }
 
-impl Indexes {
-    fn push(&mut self, kind: u8, body: impl FnOnce(&mut Vec<u8>)) {
-        record(&mut self.records, kind, body);
-        self.count += 1;
-    }
-}
-
-/// Appends a record: its kind, its length and its body.
-fn record(out: &mut Vec<u8>, kind: u8, body: impl FnOnce(&mut Vec<u8>)) {
+/// Appends a record with the parts of its body.
+fn record(out: &mut Vec<u8>, kind: u8, body: &[&[u8]]) {
+    let length: usize = body.iter().map(|part| part.len()).sum();
     out.push(kind);
-    let start = out.len() + 8;
-    out.extend_from_slice(&[0; 8]);
-    body(out);
-    let length = (out.len() - start) as u64;
-    out[start - 8..start].copy_from_slice(&length.to_le_bytes());
+    out.extend((length as u64).to_le_bytes());
+    body.iter().for_each(|part| out.extend_from_slice(part));
 }
 
-fn numbers(out: &mut Vec<u8>, numbers: &[u64]) {
-    out.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+fn numbers<const N: usize>(numbers: [u64; N]) -> Vec<u8> {
+    numbers.map(u64::to_le_bytes).concat()
 }
 
-fn bytes(out: &mut Vec<u8>, bytes: &[u8]) {
-    out.extend_from_slice(&(bytes.len() as u32).to_le_bytes());
-    out.extend_from_slice(bytes);
+/// Bytes behind their number.
+fn sized(bytes: impl AsRef<[u8]>) -> Vec<u8> {
+    let bytes = bytes.as_ref();
+    [&(bytes.len() as u32).to_le_bytes(), bytes].concat()
 }
 
-fn text(out: &mut Vec<u8>, text: &str) {
-    bytes(out, text.as_bytes());
+fn texts(map: &BTreeMap<String, String>) -> Vec<u8> {
+    let texts = map.iter().flat_map(|(key, value)| [key, value]);
+    sized(texts.flat_map(sized).collect::<Vec<u8>>())
 }
 
-fn map(out: &mut Vec<u8>, map: &BTreeMap<String, String>) {
-    let mut body = Vec::new();
-    for (key, value) in map {
-        text(&mut body, key);
-        text(&mut body, value);
-    }
-    bytes(out, &body);
-}
-
-fn pairs(out: &mut Vec<u8>, pairs: &BTreeMap<u16, u64>) {
-    let mut body = Vec::new();
-    for (key, value) in pairs {
-        body.extend_from_slice(&key.to_le_bytes());
-        numbers(&mut body, &[*value]);
-    }
-    bytes(out, &body);
+fn pair(channel: &u16, number: &u64) -> Vec<u8> {
+    [&channel.to_le_bytes()[..], &number.to_le_bytes()].concat()
 }
 
 #[cfg(test)]

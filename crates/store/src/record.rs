@@ -287,3 +287,14 @@ impl Default for WheelGround {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Records are moved several times between the engine and the log.
+    #[test]
+    fn a_record_is_small() {
+        assert!(size_of::<Record>() <= 176);
+    }
+}

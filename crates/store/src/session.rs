@@ -224,7 +224,8 @@ pub struct Options {
     pub decoded_interval: Duration,
     /// A chunk of decoded records ends when it is larger than this, whatever its age.
     pub decoded_chunk_bytes: usize,
-    /// zstd level; 0 is zstd's own default. `None` writes chunks without compression.
+    /// zstd level; 0 is level 1 for the decoded messages of sensors, and zstd's own default for the rest.
+    /// `None` writes chunks without compression.
     pub compression_level: Option<u32>,
     /// The file is synced to the disk this often (recorder only).
     pub sync_interval: Duration,

@@ -95,8 +95,9 @@ pub(crate) fn frame_of(text: &[u8]) -> Option<FrameText> {
         flags.fd = true;
         flags.bit_rate_switch = fd_digit & 1 != 0;
         flags.error_state = fd_digit & 2 != 0;
-        let mut frame = CanFrame::new(id, flags, &[])?;
-        frame.len = hex_bytes(data, &mut frame.data)?;
+        let mut bytes = [0; 64];
+        let len = hex_bytes(data, &mut bytes)?;
+        let frame = CanFrame::new(id, flags, &bytes[..usize::from(len)])?;
         return Some(FrameText { frame, fd_digit });
     }
     let mut frame = CanFrame::new(id, flags, &[])?;
@@ -112,7 +113,7 @@ pub(crate) fn frame_of(text: &[u8]) -> Option<FrameText> {
             _ => return None,
         };
     } else {
-        frame.len = hex_bytes(data, frame.data.first_chunk_mut::<8>()?)?;
+        frame.len = hex_bytes(data, &mut frame.data)?;
     }
     if let Some(code) = code {
         frame.len8_dlc = Some(code).filter(|code| frame.len == 8 && *code > 8)?;

@@ -246,14 +246,14 @@ mod tests {
         assert_eq!(found, [expected]);
         // To one address, of a group whose low byte is that address, with a packet twice.
         let mut all = frames(0xEF00, 0x17, 0x21, &data);
-        all.insert(3, all[2]);
+        all.insert(3, all[2].clone());
         assert_eq!(pushed(&all, 50_000_000)[0].id, 0x1CEF_2117);
         // Two senders at once.
         let other = frames(0xFEE3, 0x18, 255, &data[..20]);
         let mut mixed = Vec::new();
         for index in 0..7 {
-            mixed.extend(frames(0xFEE3, 0x17, 255, &data).get(index));
-            mixed.extend(other.get(index));
+            mixed.extend(frames(0xFEE3, 0x17, 255, &data).get(index).cloned());
+            mixed.extend(other.get(index).cloned());
         }
         let lengths: Vec<usize> = pushed(&mixed, 1_000_000)
             .iter()

@@ -286,7 +286,7 @@ fn arrivals(drive: &Drive) -> Vec<Arrival> {
                 let kernel_ns = Some(start.0 as i64 + (time_s * 1e9) as i64 - 40_000);
                 let frame = CanFrame {
                     kernel_ns,
-                    ..*frame
+                    ..frame.clone()
                 };
                 (
                     *time_s,

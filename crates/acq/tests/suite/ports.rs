@@ -265,7 +265,7 @@ async fn an_slcan_adapter_is_opened_read_and_closed() {
     for (index, (got, sent)) in received.iter().zip(&frames).enumerate() {
         let expected = CanFrame {
             hardware_ns: Some(index as i64 * 1_000_000),
-            ..*sent
+            ..sent.clone()
         };
         assert_eq!(*got, expected);
     }

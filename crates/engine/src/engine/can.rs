@@ -46,6 +46,7 @@ pub struct CanDecoder {
     parts: Parts,
     /// J1939 messages of several frames.
     transport: Transport,
+    identity: Identity,
     sync: Option<Sync>,
 }
 
@@ -285,6 +286,7 @@ impl CanDecoder {
             scales,
             parts,
             transport: Transport::default(),
+            identity: Identity::default(),
             sync: meaning.sync.as_ref().map(|sync| Sync {
                 id: sync.id,
                 offset_s: sync.offset_s,
@@ -364,7 +366,7 @@ impl CanDecoder {
             signals.push(signal(format!("fmi_{n}"), f64::from(code.failure)));
             signals.push(signal(format!("count_{n}"), f64::from(code.occurrences)));
         }
-        signals.extend(identity(id));
+        signals.extend(self.identity.signals(id));
         sink.push(arrived.sample(
             frame,
             Measurement::Signals(SignalFrame {
@@ -409,7 +411,7 @@ impl CanDecoder {
         let mut emit = |measurement| sink.push(arrived.sample(frame, measurement));
         let (mut signals, measured) = decode(message, plan, data, &self.scales);
         if message.j1939 {
-            signals.extend(identity(id));
+            signals.extend(self.identity.signals(id));
         }
         emit(Measurement::Signals(SignalFrame {
             message: Arc::clone(&plan.name),
@@ -423,13 +425,13 @@ impl CanDecoder {
         for measurement in self.parts.take(id, time, &measured.parts) {
             emit(measurement);
         }
-        for corner in measured.corners.0.into_iter().flatten() {
+        let by_rods = measured.by_rods_rad(self.scales.rack_m_rad);
+        for corner in measured.corners {
             emit(Measurement::Corner(corner));
         }
-        for hub in measured.hubs.0.into_iter().flatten() {
+        for hub in measured.hubs {
             emit(Measurement::HubAcceleration(hub));
         }
-        let by_rods = measured.by_rods_rad(self.scales.rack_m_rad);
         let by_encoder = measured.steer_rad.filter(|_| self.scales.rods.is_none());
         if let Some(steering_wheel_rad) = by_encoder.or(by_rods) {
             emit(Measurement::Steer(SteerSample { steering_wheel_rad }));
@@ -447,17 +449,35 @@ impl CanDecoder {
     }
 }
 
-/// What tells the senders of a parameter group apart.
-fn identity(id: u32) -> [Signal; 2] {
-    let signal = |name: &str, value: f64| Signal {
-        name: name.into(),
-        value,
-        unit: "".into(),
-    };
-    [
-        signal(store::CAN_ID, f64::from(id)),
-        signal(store::SOURCE_ADDRESS, f64::from(source_address(id))),
-    ]
+/// Names of the signals that tell the senders of a parameter group apart.
+struct Identity {
+    id: Arc<str>,
+    address: Arc<str>,
+    unit: Arc<str>,
+}
+
+impl Default for Identity {
+    fn default() -> Self {
+        Self {
+            id: store::CAN_ID.into(),
+            address: store::SOURCE_ADDRESS.into(),
+            unit: "".into(),
+        }
+    }
+}
+
+impl Identity {
+    fn signals(&self, id: u32) -> [Signal; 2] {
+        let values = [
+            (&self.id, f64::from(id)),
+            (&self.address, f64::from(source_address(id))),
+        ];
+        values.map(|(name, value)| Signal {
+            name: Arc::clone(name),
+            value,
+            unit: Arc::clone(&self.unit),
+        })
+    }
 }
 
 #[cfg(test)]

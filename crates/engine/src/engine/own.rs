@@ -38,7 +38,7 @@ impl OwnFrames {
         if !self.sources.contains(&arrival.source) || !frames.iter().any(is_own) {
             return None;
         }
-        let others = frames.iter().copied().filter(|frame| !is_own(frame));
+        let others = frames.iter().filter(|frame| !is_own(frame)).cloned();
         Some(Arrival {
             payload: Payload::Can(others.collect()),
             ..*arrival
@@ -146,7 +146,7 @@ file = "prowler"
         assert!(none.2, "the bus is silent");
         // Frames of others: another identifier, or the same one from another computer.
         for other in [frame(0x50B, true), frame(0x500, false)] {
-            let found = run(&[frame(0x500, true), other]);
+            let found = run(&[frame(0x500, true), other.clone()]);
             assert!(found.0 > none.0 + 200, "{found:?}");
             assert_eq!((found.1, found.2), (400, false), "{other:?}");
         }

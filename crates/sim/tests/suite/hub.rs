@@ -244,10 +244,11 @@ fn every_channel_has_its_own_rate() {
         let (_, emissions) = run(circle(6.0, 15.0, 2.0), &sensors, &options);
         let fields = |id: u32, field: usize| {
             let frames = emissions.iter().filter_map(|e| match &e.output {
-                Output::Can(frame) if frame.id == id => Some(frame.data),
+                Output::Can(frame) if frame.id == id => Some(&frame.data),
                 _ => None,
             });
-            let present = |data: &[u8; 64]| data[2 * field..2 * field + 2] != [0xff, 0xff];
+            let present =
+                |data: &&sample::FrameData| data[2 * field..2 * field + 2] != [0xff, 0xff];
             frames.filter(present).count() as f64
         };
         for (id, field, rate_hz) in [

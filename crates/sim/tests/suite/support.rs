@@ -70,7 +70,7 @@ pub fn frames_of(emissions: &[Emission], id: u32) -> Vec<[u16; 4]> {
     emissions
         .iter()
         .filter_map(|emission| match &emission.output {
-            Output::Can(frame) if frame.id == id => Some(frame.data),
+            Output::Can(frame) if frame.id == id => Some(&frame.data),
             _ => None,
         })
         .map(|bytes| std::array::from_fn(|i| u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]])))

@@ -65,8 +65,7 @@ fn ours(level: Option<u32>) -> Vec<u8> {
         }
     }
     file.write_metadata("counters", &metadata(&[])).unwrap();
-    file.finish().unwrap();
-    file.into_inner()
+    file.finish().unwrap()
 }
 
 /// The same file by the writer of the `mcap` crate.
@@ -136,7 +135,7 @@ fn messages_can_be_read_back_before_the_chunk_is_written() {
         chunk.push(header(number), |out| out.extend(data(number)));
     }
     let mut record_of_a_channel = Vec::new();
-    record(&mut record_of_a_channel, op::CHANNEL, |out| text(out, "x"));
+    record(&mut record_of_a_channel, op::CHANNEL, &[&sized("x")]);
     chunk.prepend(&record_of_a_channel);
     let back: Vec<_> = chunk.messages().collect();
     assert_eq!(back.len(), 10);

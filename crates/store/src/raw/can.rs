@@ -1,6 +1,6 @@
 //! Frames of a CAN bus, by kind and column.
 
-use sample::{Arrival, CanFlags, CanFrame, Payload, SourceId};
+use sample::{Arrival, CanFlags, CanFrame, FrameData, Payload, SourceId};
 
 use super::Packing;
 use super::kinds::Kinds;
@@ -202,7 +202,7 @@ fn frames_of(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
     let mut total = 0_usize;
     for (kind, frames) in count.iter().enumerate() {
         start.push(total);
-        total += frames * row_width(message, kind)?;
+        total += frames * usize::from(row_width(message, kind)?);
     }
     // zstd compresses by at most about 2^17 in one block: a larger length is wrong.
     if total / (1 << 18) > message.data_zstd.len() {
@@ -229,12 +229,15 @@ fn frames_of(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
     )?;
     let mut hardware = sums(0, hardware);
     let mut seen = vec![0_usize; kinds];
-    let mut before = vec![[0_u8; 64]; kinds];
+    let mut before: Vec<FrameData> = (0..kinds)
+        .map(|kind| Ok(FrameData::zeros(row_width(message, kind)?)))
+        .collect::<Result<_, MessageError>>()?;
     let mut frames = Vec::with_capacity(total);
     for (index, kind) in message.kind.iter().enumerate() {
         let kind = *kind as usize;
         let data = &mut before[kind];
-        for (column, byte) in data.iter_mut().take(row_width(message, kind)?).enumerate() {
+        let width = usize::from(row_width(message, kind)?);
+        for (column, byte) in data[..width].iter_mut().enumerate() {
             let difference = packed[start[kind] + column * count[kind] + seen[kind]];
             *byte = byte.wrapping_add(difference);
         }
@@ -243,7 +246,7 @@ fn frames_of(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
             id: message.kind_id[kind],
             flags: CanFlags::from_bits(message.kind_flags[kind]),
             len: message.kind_length[kind],
-            data: *data,
+            data: data.clone(),
             len8_dlc: message.kind_len8_dlc.get(kind).copied().unwrap_or(0),
             kernel_ns: if kernel_at(index) {
                 kernel.next()
@@ -260,7 +263,7 @@ fn frames_of(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
     Ok(frames)
 }
 
-fn row_width(message: &pb::RawCan, kind: usize) -> Result<usize, MessageError> {
+fn row_width(message: &pb::RawCan, kind: usize) -> Result<u8, MessageError> {
     let length = message.kind_length[kind];
     if length > 64 {
         return Err(MessageError::Range {
@@ -269,7 +272,7 @@ fn row_width(message: &pb::RawCan, kind: usize) -> Result<usize, MessageError> {
         });
     }
     let remote = CanFlags::from_bits(message.kind_flags[kind]).remote;
-    Ok(if remote { 0 } else { length.into() })
+    Ok(if remote { 0 } else { length })
 }
 
 #[cfg(test)]

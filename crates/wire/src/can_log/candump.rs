@@ -132,8 +132,8 @@ fn log_line(line: Line<'_>) -> Option<Found<'_>> {
         is_date: false,
         interface,
         direction,
-        frame: found.frame,
         style: Some(Style::of(stamp, text, &found, direction.is_some(), line)),
+        frame: found.frame,
     })
 }
 

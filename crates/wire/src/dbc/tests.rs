@@ -72,7 +72,7 @@ fn values_have_units_signs_and_labels() {
             remote: true,
             ..flags
         },
-        ..frame
+        ..frame.clone()
     };
     assert_eq!(database.decode(&remote), None);
 }

@@ -34,7 +34,7 @@ fn a_drive_on_socketcan_is_recorded_frame_by_frame_and_replays_here() {
         assert!(recorded.kernel_ns.is_some(), "frame {index}");
     }
     let frames = peer["vcan1"].iter();
-    let frames = frames.map(|frame| (*frame, frame.kernel_ns.expect("candump's stamp")));
+    let frames = frames.map(|frame| (frame.clone(), frame.kernel_ns.expect("candump's stamp")));
     assert_output(&logs, &frames.collect::<Vec<_>>());
     assert_verified(&logs);
 }
@@ -64,15 +64,15 @@ fn output_on_a_shared_interface_is_recorded_once_and_is_no_data() {
     // Two sockets can get frames that two programs send at the same time in different orders.
     let [own, of_vehicle] = [true, false].map(|is_own| {
         let of = |frame: &&CanFrame| is_output(frame) == is_own;
-        let ours: Vec<CanFrame> = ours.iter().copied().filter(of).copied().collect();
-        let peer: Vec<CanFrame> = all.iter().filter(of).copied().collect();
+        let ours: Vec<CanFrame> = ours.iter().copied().filter(of).cloned().collect();
+        let peer: Vec<CanFrame> = all.iter().filter(of).cloned().collect();
         assert_same(&peer, &ours);
         ours
     });
     assert!(own.iter().all(|frame| frame.flags.local_echo));
     let own = own
         .iter()
-        .map(|frame| (*frame, frame.kernel_ns.expect("a stamp")));
+        .map(|frame| (frame.clone(), frame.kernel_ns.expect("a stamp")));
     assert_output(&logs, &own.collect::<Vec<_>>());
 
     let reports = atvrec_tests::health_reports(&logs);

@@ -173,7 +173,7 @@ fn origin(surveys: &[Survey], inputs: &[Input<'_>], bus: &Bus) -> Origin {
 
 /// The frame of a log, with its stamp.
 fn frame_of(entry: &Entry, stamp_ns: i64) -> CanFrame {
-    let mut frame = entry.frame;
+    let mut frame = entry.frame.clone();
     frame.kernel_ns = Some(stamp_ns);
     frame.flags.local_echo = matches!(
         entry.direction,

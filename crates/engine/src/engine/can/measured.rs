@@ -16,8 +16,10 @@ pub(super) struct Measured {
     /// Travel of the tie rods, left and right, and of the rack, m.
     pub(super) rods_m: [Option<f64>; 3],
     pub(super) speeds_rad_s: PerWheel<Option<f64>>,
-    pub(super) corners: PerWheel<Option<CornerSample>>,
-    pub(super) hubs: PerWheel<Option<HubAccelerationSample>>,
+    /// Corners in the order of the wheels.
+    pub(super) corners: Vec<CornerSample>,
+    /// Uprights in the order of the wheels.
+    pub(super) hubs: Vec<HubAccelerationSample>,
     /// Values that are recorded under their names.
     pub(super) controls: Vec<Signal>,
     /// Parts of measurements of other devices.
@@ -74,7 +76,7 @@ pub(super) fn decode(
             }
             Some(Role::Fix) => measured.is_solved = Some(value.physical != 0.0),
             Some(Role::HubAcceleration(wheel, axis, factor)) => {
-                let hub = measured.hubs[wheel].get_or_insert(HubAccelerationSample::empty(wheel));
+                let hub = measured.hub(wheel);
                 let counts = Conversion::Counts.counts(&value).map(Counts::number);
                 let counts = counts.map(|counts| counts as i32);
                 hub.counts[axis] = counts.filter(|_| factor.is_none());
@@ -110,10 +112,31 @@ impl Measured {
     }
 
     fn corner(&mut self, wheel: Wheel) -> &mut CornerSample {
-        self.corners[wheel].get_or_insert(CornerSample {
-            wheel,
-            strain_counts: [None; StrainChannel::COUNT],
-            deflection_counts: None,
-        })
+        let place = self.corners.partition_point(|known| known.wheel < wheel);
+        if self
+            .corners
+            .get(place)
+            .is_none_or(|known| known.wheel != wheel)
+        {
+            let corner = CornerSample {
+                wheel,
+                strain_counts: [None; StrainChannel::COUNT],
+                deflection_counts: None,
+            };
+            self.corners.insert(place, corner);
+        }
+        &mut self.corners[place]
+    }
+
+    fn hub(&mut self, wheel: Wheel) -> &mut HubAccelerationSample {
+        let place = self.hubs.partition_point(|known| known.wheel < wheel);
+        if self
+            .hubs
+            .get(place)
+            .is_none_or(|known| known.wheel != wheel)
+        {
+            self.hubs.insert(place, HubAccelerationSample::empty(wheel));
+        }
+        &mut self.hubs[place]
     }
 }

@@ -1,5 +1,5 @@
 use model::strain::ABSENT_COUNT;
-use sample::{CanFlags, Side};
+use sample::{CanFlags, FrameData, Side};
 
 use super::*;
 use crate::config::{RoleOf, SyncFrame};
@@ -32,7 +32,7 @@ fn angle_rad(roles: &[(usize, Role)], fields: [u16; 3], rods: bool) -> Option<f6
         rods: rods.then_some(pots),
         ..Scales::default()
     };
-    let mut data = [0; 64];
+    let mut data = FrameData::zeros(8);
     for (bytes, field) in data.chunks_exact_mut(2).zip(fields) {
         bytes.copy_from_slice(&field.to_le_bytes());
     }

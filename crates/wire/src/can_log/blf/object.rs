@@ -1,6 +1,6 @@
 //! The objects that hold a CAN frame.
 
-use sample::{CanFlags, CanFrame};
+use sample::{CanFlags, CanFrame, FrameData};
 
 use crate::can_log::bytes::{u8_at, u16_at, u32_at, u64_at};
 use crate::can_log::{Direction, Entry, len8_dlc};
@@ -132,7 +132,7 @@ impl Fields {
             [self.len.min(if flags.fd { 64 } else { 8 }); 2]
         };
         let present = stored.len().min(usize::from(present));
-        let mut data = [0; 64];
+        let mut data = FrameData::zeros(len);
         data[..present].copy_from_slice(&stored[..present]);
         CanFrame {
             id: self.id & IDENTIFIER,

@@ -3,6 +3,8 @@
 
 use super::super::date::unix_ns;
 use super::super::number::{decimal, hexadecimal, unsigned, words};
+use sample::FrameData;
+
 use super::{CanFrame, Found, direction_of};
 use crate::candump::{identifier_of, nibble};
 
@@ -69,6 +71,7 @@ fn body(rest: &[u8]) -> Option<Found<'_>> {
     flags.bit_rate_switch = bit_rate_switch && flags.fd;
     flags.error_state = error_state && flags.fd;
     let mut frame = CanFrame::new(id, flags, &[])?;
+    frame.data = FrameData::zeros(len);
     let mut data = words.peekable();
     if data.peek() == Some(&&b"remote"[..]) {
         frame.flags.remote = true;

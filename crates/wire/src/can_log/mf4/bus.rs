@@ -4,7 +4,7 @@
 //! `CAN_RemoteFrame` and `CAN_ErrorFrame` with their parts `BusChannel`, `ID`, `IDE`, `DLC`,
 //! `DataLength`, `DataBytes`, `Dir`, `EDL`, `BRS` and `ESI`.
 
-use sample::{CanFlags, CanFrame};
+use sample::{CanFlags, CanFrame, FrameData};
 
 use super::channel::{Channel, Kind, Raw, Record};
 use super::layout::Group;
@@ -138,11 +138,12 @@ impl FrameGroup {
             ..CanFlags::default()
         };
         let bus = number(self.bus_channel.as_ref(), record).map(|number| number.to_string());
+        let len = self.data_len(record, dlc, fd);
         let mut frame = CanFrame {
             id: (id & IDENTIFIER) as u32,
             flags,
-            len: self.data_len(record, dlc, fd),
-            data: [0; 64],
+            len,
+            data: FrameData::zeros(len),
             len8_dlc: len8_dlc(flags, dlc),
             kernel_ns: None,
             hardware_ns: None,
