@@ -4,7 +4,7 @@ use model::vehicle::Vehicle;
 use sample::Wheel;
 use wire::column::Quantity;
 
-use crate::config::{Config, Meaning, Role};
+use crate::config::{Config, Estimator, Meaning, Role};
 
 /// What is not estimated with the vehicle of a configuration, and why: a line for each reason; empty if
 /// everything is estimated, or if there is no vehicle.
@@ -13,7 +13,10 @@ pub fn limits(config: &Config) -> Vec<String> {
     let Some(estimator) = &config.estimator else {
         return Vec::new();
     };
-    let mut lines: Vec<String> = of_vehicle(&estimator.vehicle).into_iter().collect();
+    let described = described(estimator);
+    let mut lines: Vec<String> = of_vehicle(&estimator.vehicle, described)
+        .into_iter()
+        .collect();
     let missing = if estimator.sensors.strain.is_not_fitted() {
         Some("the sensors file has no table [strain]")
     } else if !has_strain(config) {
@@ -30,13 +33,25 @@ pub fn limits(config: &Config) -> Vec<String> {
     lines
 }
 
-/// What is not estimated with a vehicle.
-#[must_use]
-pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
-    let without_points: Vec<&str> = [("front", &vehicle.front), ("rear", &vehicle.rear)]
+/// Whether the channels of both wheels of the front and of the rear axle are described without geometry: by
+/// matrices of the calibration, or as wheel-force transducers.
+fn described(estimator: &Estimator) -> [bool; 2] {
+    let has_matrix = |wheel: &Wheel| {
+        let corner = estimator.calibration.corner.get(wheel);
+        corner.is_some_and(|corner| corner.matrix.is_some())
+    };
+    let is_transducer = estimator.sensors.strain.transducer.is_some();
+    [&Wheel::ALL[..2], &Wheel::ALL[2..]].map(|axle| is_transducer || axle.iter().all(has_matrix))
+}
+
+/// What is not estimated with a vehicle. `described`: see [`described`].
+fn of_vehicle(vehicle: &Vehicle, described: [bool; 2]) -> Option<String> {
+    let axles = [("front", &vehicle.front), ("rear", &vehicle.rear)];
+    let without_points: Vec<&str> = axles
         .into_iter()
-        .filter_map(|(name, axle)| {
-            let is_known = axle.has_hard_points() || axle.live_axle.is_some();
+        .zip(described)
+        .filter_map(|((name, axle), described)| {
+            let is_known = axle.has_hard_points() || axle.live_axle.is_some() || described;
             (!is_known).then_some(name)
         })
         .collect();
@@ -56,8 +71,8 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
     if lacks.is_empty() {
         let axle = without_points.first()?;
         return Some(format!(
-            "the strain channels of the {axle} axle are not used, because the vehicle {} has no hard-points of it: \
-             the forces of its wheels follow from deflection, inertial unit and the forces of the other axle",
+            "the strain channels of the {axle} axle are not used, because the vehicle {} has no hard-points of it \
+             and no calibration has a matrix of its wheels (`calibrate load-rig`): the forces of its wheels follow from deflection, inertial unit and the forces of the other axle",
             vehicle.name
         ));
     }
@@ -120,7 +135,7 @@ mod tests {
         let rest = half[points + 1..].find("\n[").expect("a table") + points + 1;
         let half = half[..points].to_owned() + &half[rest..];
         let half = Vehicle::from_toml(&half, "half.toml").expect("a vehicle");
-        let told = of_vehicle(&half).expect("a limit");
+        let told = of_vehicle(&half, [false; 2]).expect("a limit");
         assert!(
             told.starts_with("the strain channels of the rear axle"),
             "{told}"

@@ -9,6 +9,7 @@ pub mod gnss;
 pub mod hub;
 pub mod imu;
 pub mod load_rig;
+pub mod matrix;
 pub mod member;
 pub mod range;
 mod recording;
@@ -31,8 +32,10 @@ use serde::{Deserialize, Serialize};
 use crate::EstimatorError;
 use crate::handling::Handling;
 
+pub use matrix::{MatrixAxes, MatrixCalibration, Sensitivity, SensitivityMatrix, StrutSensitivity};
 pub use recording::{Column, ImuColumns, Recording, Vectors};
 pub use recording_error::{ReadingProblem, RecordingError};
+pub(crate) use resolved::wheel_key;
 pub use resolved::{Channel, CornerChannels, HubSensor, Resolved};
 pub use step::{Calibrated, Step};
 pub use temperature::TemperatureCalibration;
@@ -87,6 +90,10 @@ pub struct CornerCalibration {
     /// Hub accelerometer.
     #[serde(default, skip_serializing_if = "HubCalibration::is_nominal")]
     pub hub_acceleration: HubCalibration,
+    /// The corner without geometry: what the strain channels read of the forces on the wheel. It takes the
+    /// place of the linkage's statics and of the channels' gains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub matrix: Option<MatrixCalibration>,
 }
 
 /// A hub accelerometer: f_sensor = S f_carrier + bias, with the turn S from the carrier's to the

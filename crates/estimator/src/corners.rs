@@ -8,6 +8,7 @@ mod steering_wheel;
 mod tilt;
 mod travel;
 
+use model::steering::SteeringGear;
 use model::suspension::{
     BodyMotion, CornerPose, CornerStatics, GroundPlane, TyreFrame, ground_plane,
 };
@@ -16,7 +17,7 @@ use nalgebra::{Vector3, Vector6};
 use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, TyreForce, Wheel};
 
 use crate::EstimatorError;
-use crate::calibration::HubSensor;
+use crate::calibration::{CornerChannels, HubSensor, MatrixAxes, wheel_key};
 use crate::feedback::{BodyMotionEstimate, EstimatorFeedback};
 use crate::inputs::{Reading, Readings};
 use crate::motion::MotionState;
@@ -43,6 +44,14 @@ pub struct CornerState {
     pub strut_n: f64,
     /// Its standard deviation, N; infinite while no deflection is measured.
     pub strut_sigma_n: f64,
+    /// Compression of the strut from its design length, m.
+    pub compression_m: f64,
+    /// Standard deviations of the parts of F_x, F_y, F_z that the strut carries: zero with hard-points.
+    pub strut_part_sigma: [f64; 3],
+    /// Standard deviations of heading and inclination of the wheel against the body, rad: zero with hard-points.
+    pub unknown_rad: [f64; 2],
+    /// Axes of the matrix of its channels, if it has one.
+    pub matrix_axes: Option<MatrixAxes>,
     /// A new reading of the potentiometer as a length of the strut by the hard-points, m.
     pub length_read: Option<Reading>,
     /// What the strut's acceleration changes, for the force filter; zero for the methods of flat ground.
@@ -79,8 +88,9 @@ pub struct FrameErrors {
     pub steer_rad: f64,
     /// The ground's normal about x and y, rad: unknown on rough ground.
     pub tilt_rad: f64,
-    /// Inclination of the wheel's plane against the body, rad: unknown without hard-points.
-    pub inclination_rad: f64,
+    /// Inclination of the wheel's plane against the body, rad: unknown without hard-points. Of forces in the
+    /// wheel-carrier frame, and of those in the contact frame.
+    pub inclination_rad: [f64; 2],
 }
 
 impl FrameErrors {
@@ -88,7 +98,7 @@ impl FrameErrors {
     #[must_use]
     pub fn turn(&self, force: &TyreForce) -> TyreForce {
         let [x, y, z] = known(force);
-        let inclined = [0.0, self.inclination_rad * z, self.inclination_rad * y];
+        let inclined = inclined(self.inclination_rad[0], [y, z]);
         with_errors(
             force,
             [[self.steer_rad * y, self.steer_rad * x, 0.0], inclined],
@@ -102,7 +112,7 @@ impl FrameErrors {
         let [along, across] = self.slopes;
         let tilted = [along * z, across * z, along * x + across * y];
         let turned = [self.steer_rad * y, self.steer_rad * x, 0.0];
-        let inclined = [0.0, self.inclination_rad * z, self.inclination_rad * y];
+        let inclined = inclined(self.inclination_rad[1], [y, z]);
         with_errors(force, [tilted, turned, inclined])
     }
 
@@ -114,6 +124,11 @@ impl FrameErrors {
         let tilted = [z, z, math::hypot(x, y)].map(|n| n * self.tilt_rad);
         with_errors(force, [tilted])
     }
+}
+
+/// Errors of a force with these parts across the wheel and up by an unknown inclination.
+fn inclined(angle_rad: f64, [y, z]: [f64; 2]) -> [f64; 3] {
+    [0.0, angle_rad * z, angle_rad * y]
 }
 
 /// The parts of a force, zero where unknown.
@@ -156,6 +171,8 @@ pub struct Corners {
     static_unsprung: bool,
     cg_height_m: f64,
     rack_m_rad: f64,
+    /// Steer angles of front wheels that are described by a matrix and have no hard-points.
+    gear: Option<SteeringGear>,
     /// Filter of the steering wheel's angle.
     steering_wheel: SteeringWheel,
     /// Filter with a longer memory for its rate and acceleration.
@@ -164,19 +181,18 @@ pub struct Corners {
 
 impl Corners {
     /// The corners of a vehicle; `None` if the vehicle file has no linkage, or an axle without strut or unsprung
-    /// masses, or without hard-points and motion ratio.
+    /// masses, or without hard-points and motion ratio. A matrix of a wheel's channels stands for its linkage.
     pub fn new(
         vehicle: &Vehicle,
-        deflection_sigma_m: f64,
+        channels: &PerWheel<CornerChannels>,
         tuning: &Tuning,
     ) -> Result<Option<Self>, EstimatorError> {
-        let axles = [&vehicle.front, &vehicle.rear];
-        if !(axles.iter()).any(|axle| axle.has_hard_points() || axle.live_axle.is_some()) {
+        if !is_described(vehicle, channels)? {
             return Ok(None);
         }
         let mut linkages = Vec::with_capacity(4);
         for wheel in Wheel::ALL {
-            match Linkage::new(vehicle, wheel, deflection_sigma_m, tuning) {
+            match Linkage::new(vehicle, wheel, channels, tuning) {
                 Ok(Some(linkage)) => linkages.push(linkage),
                 Ok(None) => return Ok(None),
                 Err(error) => return Err(EstimatorError::Suspension(error.to_string())),
@@ -229,6 +245,7 @@ impl Corners {
             static_unsprung: false,
             cg_height_m: vehicle.body.cg_height_m,
             rack_m_rad,
+            gear: gear(vehicle, channels)?,
             steering_wheel: SteeringWheel::default(),
             turning: SteeringWheel::default(),
         }))
@@ -367,10 +384,17 @@ impl Corners {
                 .follow(reading.value, of_wheel.angle_keep, dt);
             self.turning.follow(reading.value, of_wheel.rate_keep, dt);
         }
-        let rack = (self.steering_wheel.angle_rad + steering_offset_rad) * self.rack_m_rad;
+        let angle_rad = self.steering_wheel.angle_rad + steering_offset_rad;
+        let rack = angle_rad * self.rack_m_rad;
         let rack_motion = self.turning.motion(self.rack_m_rad, of_wheel);
         for (i, linkage) in self.linkages.iter_mut().enumerate() {
             let compression = &mut readings.corners.0[i].compression_m;
+            // The second coordinate of a linkage that is not known is its steer angle.
+            let rack = match (i, &self.gear) {
+                (0, Some(gear)) => gear.left.at(angle_rad),
+                (1, Some(gear)) => gear.right.at(angle_rad),
+                _ => rack,
+            };
             linkage.measure(now, dt, rack, compression, feedback.struts[i]);
         }
         self.place_axle();
@@ -543,17 +567,21 @@ impl Corners {
         let state = &self.states[wheel.index()];
         let frame = state.frame.vehicle_from_tyre;
         let is_known = state.linkage != KnownLinkage::None;
-        let [unknown_steer_rad, inclination_rad] = match is_known {
-            true => [0.0; 2],
-            false => self.tuning.unknown_rad,
+        let [unknown_steer_rad, unknown_rad] = state.unknown_rad;
+        // A force that was measured in some axes is not uncertain in them, whatever the wheel's are.
+        let inclination_rad = match state.matrix_axes {
+            None => [unknown_rad; 2],
+            Some(MatrixAxes::Vehicle) => [unknown_rad, 0.0],
+            Some(MatrixAxes::Wheel) => [0.0, unknown_rad],
         };
-        let zero_rad = match wheel.is_front() {
+        let is_steered = wheel.is_front() && state.matrix_axes != Some(MatrixAxes::Wheel);
+        let zero_rad = match is_steered {
             true => steer_sigma_rad.min(self.tuning.steer_sigma_max_rad),
             false => 0.0,
         };
         FrameErrors {
             slopes: [0, 1].map(|axis| frame.column(axis).dot(&slopes)),
-            steer_rad: if is_known {
+            steer_rad: if is_known || state.matrix_axes == Some(MatrixAxes::Wheel) {
                 zero_rad
             } else {
                 math::hypot(zero_rad, unknown_steer_rad)
@@ -562,6 +590,37 @@ impl Corners {
             inclination_rad,
         }
     }
+}
+
+/// Whether hard-points, a live axle or a matrix describe a wheel at least.
+///
+/// # Errors
+/// A matrix of a wheel of a live axle.
+fn is_described(
+    vehicle: &Vehicle,
+    channels: &PerWheel<CornerChannels>,
+) -> Result<bool, EstimatorError> {
+    let has_matrix = |wheel: Wheel| channels[wheel].matrix.is_some();
+    let is_live = |wheel: Wheel| vehicle.axle(wheel).live_axle.is_some();
+    let mut wheels = Wheel::ALL.into_iter();
+    if let Some(wheel) = wheels.find(|wheel| has_matrix(*wheel) && is_live(*wheel)) {
+        let wheel = wheel_key(wheel);
+        return Err(EstimatorError::MatrixOnLiveAxle { wheel });
+    }
+    Ok(Wheel::ALL
+        .into_iter()
+        .any(|wheel| vehicle.axle(wheel).has_hard_points() || is_live(wheel) || has_matrix(wheel)))
+}
+
+/// Steer angles of front wheels that have a matrix and no hard-points.
+fn gear(
+    vehicle: &Vehicle,
+    channels: &PerWheel<CornerChannels>,
+) -> Result<Option<SteeringGear>, EstimatorError> {
+    let has_matrix = channels[Wheel::FrontLeft].matrix.is_some();
+    (has_matrix && !vehicle.front.has_hard_points())
+        .then(|| SteeringGear::from_vehicle(vehicle).map_err(EstimatorError::from))
+        .transpose()
 }
 
 /// Standard deviation of the ground's slopes along x and y by the tyres' shape. The height of a
@@ -613,6 +672,8 @@ fn along_heading(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calibration::{Calibration, Resolved};
+    use model::sensors::Sensors;
 
     #[test]
     fn a_body_turns_as_it_sees_the_ground_turn() {
@@ -629,7 +690,10 @@ mod tests {
 
     fn prowler() -> Corners {
         let vehicle = Vehicle::builtin("prowler").unwrap();
-        Corners::new(&vehicle, 1e-4, &Tuning::default())
+        let sensors = Sensors::builtin("thesis-10bit").unwrap();
+        let nominal = Calibration::nominal(&vehicle.name);
+        let channels = Resolved::new(&sensors, &nominal).unwrap().corners;
+        Corners::new(&vehicle, &channels, &Tuning::default())
             .unwrap()
             .unwrap()
     }

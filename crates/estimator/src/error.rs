@@ -43,6 +43,51 @@ pub enum EstimatorError {
         #[source]
         refusal: Box<crate::finding::Refusal>,
     },
+    /// The channels of a corner do not tell the three forces of its wheel apart.
+    #[error(
+        "{name} is singular: the channels {channels} have a condition number of {condition:.1e} (at most {most} is \
+         accepted) and do not measure {direction}; add or repair a gauge that reacts to {force}, or correct the matrix",
+        most = crate::calibration::matrix::CONDITION_MAX
+    )]
+    Matrix {
+        /// Dotted name of the matrix.
+        name: String,
+        /// Names of the channels.
+        channels: String,
+        /// Condition number of their sensitivities to the three forces.
+        condition: f64,
+        /// The force that they do not measure, by its parts.
+        direction: String,
+        /// The force of the axis that is nearest to it.
+        force: &'static str,
+    },
+    /// The loads on a corner without geometry do not tell the three forces apart.
+    #[error(
+        "load-rig: the loads on {wheel} do not tell the response to {direction} (condition number {condition:.1e}); \
+         add loads along it that pass through the contact point, such as `atvrec mark \"{mark}\"` and \
+         `atvrec mark \"{back}\"`"
+    )]
+    Unloaded {
+        /// The wheel.
+        wheel: String,
+        /// The force, by its parts.
+        direction: String,
+        /// Largest over smallest standard deviation of the response to a force.
+        condition: f64,
+        /// A mark of a load that helps.
+        mark: String,
+        /// The mark of the load the other way.
+        back: String,
+    },
+    /// A matrix is given for a wheel of a live axle.
+    #[error(
+        "corner.{wheel}.matrix is not usable: the vehicle file has a live axle there, which couples both wheels; \
+         remove the matrix, or the table live_axle"
+    )]
+    MatrixOnLiveAxle {
+        /// The wheel's table.
+        wheel: &'static str,
+    },
     /// The vehicle's steering cannot be used.
     #[error(transparent)]
     Vehicle(#[from] model::Error),

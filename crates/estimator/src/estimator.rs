@@ -21,7 +21,7 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
     Estimate, Event, Limits, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Road,
-    Sample, SourceId, Terrain, Wheel,
+    Sample, SourceId, Terrain,
 };
 
 use crate::calibration::Resolved;
@@ -177,9 +177,8 @@ impl Estimator {
         let vehicle = &loaded.vehicle;
         let unloaded_calibration = Resolved::new(sensors, calibration)?;
         let calibration = unloaded_calibration.with_cg_moved(loaded.cg_shift_m);
-        let pot = &calibration.corners[Wheel::FrontLeft].deflection;
         let t = &settings.tuning;
-        let mut corners = Corners::new(vehicle, pot.noise_sigma, t)?;
+        let mut corners = Corners::new(vehicle, &calibration.corners, t)?;
         let fuses = settings.method == Method::Fusion;
         if fuses {
             corners = corners.map(|corners| corners.on_paths(&calibration.hubs));

@@ -50,6 +50,7 @@ mod latency;
 pub mod layout;
 mod lengths;
 mod live_axle;
+mod matrix;
 mod moments;
 mod process;
 mod propagation;
@@ -127,6 +128,10 @@ pub struct Fusion {
     hubs: [Option<HubSensor>; 4],
     /// Wheels of a live axle.
     live: [bool; 4],
+    /// Part of the unsprung parts of each corner between the gauges of its matrix and the road.
+    outboard_parts: [f64; 4],
+    /// Standard deviations of the forces by the errors of the corners' matrices, N.
+    matrix_sigma_n: [[f64; 3]; 4],
     /// Length, m, and rate, m/s, of each strut at the next step.
     moved: [[f64; 2]; 4],
     body_motion: Option<BodyMotionEstimate>,
@@ -283,6 +288,8 @@ impl Fusion {
                 hubs.0[wheel].filter(|_| !is_live)
             }),
             live: Wheel::ALL.map(|wheel| vehicle.axle(wheel).live_axle.is_some()),
+            outboard_parts: matrix::outboard_parts(vehicle, channels),
+            matrix_sigma_n: [[0.0; 3]; 4],
             moved: [[0.0; 2]; 4],
             body_motion: None,
             ahead: BodyMotionEstimate::default(),
@@ -406,6 +413,9 @@ impl Fusion {
             self.moved[wheel] = self.strut_ahead(&model, wheel, input.dt);
         }
         self.learn_blows();
+        self.matrix_sigma_n = std::array::from_fn(|wheel| {
+            self.matrix_sigma_n(input, wheel, &model.known[wheel].moment_n_m)
+        });
         self.steps = self.steps.saturating_add(1);
         Forces {
             now: self.forces(FORCE, self.blow_n),
@@ -536,7 +546,9 @@ impl Fusion {
                 force_n: std::array::from_fn(|axis| self.state[at(axis)]),
                 sigma_n: std::array::from_fn(|axis| {
                     let variance = self.covariance.variance(at(axis)).max(0.0);
+                    let of_matrix_n = self.matrix_sigma_n[wheel][axis];
                     (variance
+                        + of_matrix_n * of_matrix_n
                         + self.latencies.state_variance(at(axis))
                         + if axis == 0 {
                             unknown_n * unknown_n

@@ -66,6 +66,7 @@ pub fn tyre_force(
     };
     if alive >= 3
         && state.linkage == KnownLinkage::Corner
+        && channels.matrix.is_none()
         && let Some(found) = state.statics.wrench_with_parity(&members, &sigma, &parity)
     {
         let variance = found.covariance.diagonal();

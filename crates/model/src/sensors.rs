@@ -87,6 +87,7 @@ not_fitted! {
         um_m_per_mv_v: None,
         amplifier: Amplifier::default(),
         bending: None,
+        transducer: None,
         lag_hz: 20.0,
         adc_bits: 16,
         noise_counts: 1.0,
@@ -210,6 +211,10 @@ pub struct StrainChain {
     /// Bending bridge on each lower tube, where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bending: Option<BendingBridge>,
+    /// Wheel-force transducers in the place of gauges on the suspension, where there are some: the channels
+    /// `force_x`, `force_y` and `force_z` of each wheel are the forces on it, in the unit of `n_per_count`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transducer: Option<Transducer>,
     /// First-order lag of the output filter, Hz.
     pub lag_hz: f64,
     /// Converter resolution, bits over `excitation_v`. The middle of the range is the count at no load.
@@ -223,6 +228,18 @@ pub struct StrainChain {
 
 const fn sixteen() -> u8 {
     16
+}
+
+/// Wheel-force transducers that are alike, one in each wheel. They give the forces of the wheel's outer part
+/// on the hub in the axes of the wheel carrier: x forward, y along the spindle to the left, z up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Transducer {
+    /// Mass between the sensing elements and the road (tyre, rim, and the outer part of the transducer), kg.
+    pub outboard_mass_kg: f64,
+    /// Standard deviation of the gain and of the part of the other two forces that a channel shows, parts of
+    /// the force.
+    pub sigma_part: f64,
 }
 
 /// An instrumentation amplifier whose gain one resistor sets: G = G_0 + R_0/R_G.

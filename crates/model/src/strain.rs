@@ -427,6 +427,7 @@ mod tests {
                 um_m_per_mv_v: None,
                 distance_from_ball_joint_m: 0.1,
             }),
+            transducer: None,
             lag_hz: 19.9,
             adc_bits,
             noise_counts: 0.5,

@@ -40,7 +40,7 @@ pub use ride::{Ride, RideCorner, frequency_and_damping};
 pub use statics::{ChannelKind, CornerStatics, MemberForces, Wrench, inboard_excess_n};
 pub use straight::StraightPath;
 pub use strut::StrutForce;
-pub use wishbone::{Corner, CornerPath, CornerPose, CornerRates, HardPoints, Twist};
+pub use wishbone::{Corner, CornerPath, CornerPose, CornerRates, HardPoints, Twist, WheelPath};
 
 /// Why a suspension could not be built or posed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -194,14 +194,15 @@ pub struct Attitude {
 #[serde(rename_all = "snake_case")]
 pub enum StrainChannel {
     /// Axial, front tube of the upper arm. MacPherson strut: force of the body on the top of the strut
-    /// forwards, by the bending of its tube.
-    #[serde(alias = "strut_side_x")]
+    /// forwards, by the bending of its tube. Wheel-force transducer: F_x.
+    #[serde(alias = "strut_side_x", alias = "force_x")]
     UpperFront,
     /// Axial, rear tube of the upper arm. MacPherson strut: force of the body on the top of the strut to
-    /// the left, by the bending of its tube.
-    #[serde(alias = "strut_side_y")]
+    /// the left, by the bending of its tube. Wheel-force transducer: F_y.
+    #[serde(alias = "strut_side_y", alias = "force_y")]
     UpperRear,
-    /// Axial, front tube of the lower arm.
+    /// Axial, front tube of the lower arm. Wheel-force transducer: F_z.
+    #[serde(alias = "force_z")]
     LowerFront,
     /// Axial, rear tube of the lower arm.
     LowerRear,
@@ -259,11 +260,28 @@ impl StrainChannel {
         }
     }
 
-    /// The channel with this name, or with this name on a MacPherson strut.
+    /// Name of a channel that carries a force of a wheel-force transducer.
+    #[must_use]
+    pub const fn transducer_name(self) -> Option<&'static str> {
+        match self {
+            Self::UpperFront => Some("force_x"),
+            Self::UpperRear => Some("force_y"),
+            Self::LowerFront => Some("force_z"),
+            _ => None,
+        }
+    }
+
+    /// The channel with this name, or with this name on a MacPherson strut or of a wheel-force transducer.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        let mut all = Self::ALL.into_iter();
-        all.find(|channel| channel.name() == name || channel.strut_name() == Some(name))
+        Self::ALL.into_iter().find(|channel| {
+            let names = [
+                Some(channel.name()),
+                channel.strut_name(),
+                channel.transducer_name(),
+            ];
+            names.contains(&Some(name))
+        })
     }
 }
 

@@ -57,7 +57,7 @@ impl Corner {
         seed: u64,
     ) -> Result<Self, SimError> {
         let axle = vehicle.axle(wheel);
-        check_bits(sensors)?;
+        check_strain(sensors)?;
         let mut noise = Noise::new(seed, &format!("corner {wheel}"));
         let pot_offset_counts = noise.within(sensors.deflection.zero_error_counts)
             + hidden.potentiometer_offset_counts[wheel];
@@ -280,8 +280,17 @@ fn bending_wired_scale(chain: &StrainChain) -> Result<ChannelScale, SimError> {
     })
 }
 
-/// Whether the converter's counts fit into the fields of the bus.
-fn check_bits(sensors: &Sensors) -> Result<(), SimError> {
+/// Whether the virtual vehicle has such strain channels, and the converter's counts fit into the fields of
+/// the bus.
+fn check_strain(sensors: &Sensors) -> Result<(), SimError> {
+    if let Some(transducer) = &sensors.strain.transducer {
+        return Err(SimError::BadParameter {
+            name: "strain.transducer.outboard_mass_kg".to_owned(),
+            value: transducer.outboard_mass_kg,
+            expected: "no wheel-force transducers, which the virtual vehicle does not have; choose a sensors file \
+                       with gauges on the suspension",
+        });
+    }
     if sensors.strain.adc_bits <= SENT_BITS {
         return Ok(());
     }

@@ -268,7 +268,10 @@ fn read_strain(
     let corner = wheel.abbreviation();
     for channel in StrainChannel::ALL {
         let field = channels.optional::<String>(channel.name(), collector);
-        let field = on_strut(&mut channels, channel, field, collector);
+        let names = [channel.strut_name(), channel.transducer_name()];
+        let field = names.into_iter().flatten().fold(field, |field, name| {
+            or_named(&mut channels, name, field, collector)
+        });
         let load = match is_bending(channel) {
             true => Dimension::Moment,
             false => Dimension::Force,
@@ -303,23 +306,20 @@ fn read_strain(
     channels.finish(collector);
 }
 
-/// The field of a channel, or that of its name on a MacPherson strut.
-fn on_strut(
+/// The field of a channel, or that of another name of it.
+fn or_named(
     channels: &mut Section<'_>,
-    channel: StrainChannel,
+    name: &'static str,
     field: Option<Field<String>>,
     collector: &mut ErrorCollector<'_>,
 ) -> Option<Field<String>> {
-    let Some(name) = channel.strut_name() else {
-        return field;
-    };
-    let strut = channels.optional::<String>(name, collector);
-    let (Some(field), Some(strut)) = (&field, &strut) else {
-        return field.or(strut);
+    let other = channels.optional::<String>(name, collector);
+    let (Some(field), Some(other)) = (&field, &other) else {
+        return field.or(other);
     };
     collector.add(
-        &strut.span,
-        &strut.name,
+        &other.span,
+        &other.name,
         format!("{} is the same channel", field.name),
         "remove one of the two",
     );

@@ -11,8 +11,12 @@
 //! counts for a newton of F_x, F_y and F_z, is found beside it by least squares with the geometry
 //! and the nominal gain as its prior: directions that the rig did not push in stay what the geometry
 //! says.
+//!
+//! A corner whose vehicle file has no hard-points is described by a matrix that the loads alone give
+//! ([`crate::calibration::matrix`]).
 
 mod faults;
+mod matrix;
 mod table;
 
 use model::sensors::Sensors;
@@ -41,8 +45,10 @@ const SPREAD_NEEDED_N: [f64; 3] = [100.0, 100.0, 300.0];
 pub struct RigLoad {
     /// The wheel.
     pub wheel: Wheel,
-    /// Force on a plate in the wheel's place, N: forward and left at the hub, up below it.
+    /// Force on a plate in the wheel's place, N: forward, left, up.
     pub force_n: [f64; 3],
+    /// Point through which it acts, from the wheel centre, m: forward, left, up. Zero at the hub.
+    pub at_m: [f64; 3],
     /// Compression of the strut from its design length, m.
     pub compression_m: f64,
     /// Steering wheel, straight ahead 0, rad.
@@ -56,7 +62,8 @@ pub struct RigLoad {
 pub struct LoadRig {
     /// Gains and offsets with their deviations, notes on wiring.
     pub findings: Findings,
-    /// Counts for one newton of F_x, F_y, F_z of each channel.
+    /// Counts for one newton of F_x, F_y, F_z of each channel: at the hub; of a corner without geometry F_y at
+    /// the contact point.
     pub sensitivity: Vec<(Wheel, StrainChannel, [f64; 3])>,
     /// What is wrong with which channel.
     pub faults: Vec<WiringFault>,
@@ -67,14 +74,24 @@ pub struct LoadRig {
 /// Finds gains and wiring.
 ///
 /// # Errors
-/// Too few loads on a corner, loads that leave a direction out, a vehicle without linkage.
+/// Too few loads on a corner, loads that leave a direction out, a linkage that does not assemble, a corner
+/// without geometry whose channels do not tell the three forces apart.
 pub fn load_rig(
     vehicle: &Vehicle,
     sensors: &Sensors,
     known: &Calibration,
     loads: &[RigLoad],
 ) -> Result<LoadRig, EstimatorError> {
-    let resolved = Resolved::new(sensors, known)?;
+    let by_matrix = |wheel: Wheel| {
+        let axle = vehicle.axle(wheel);
+        !axle.has_hard_points() && axle.live_axle.is_none()
+    };
+    let mut known = known.clone();
+    // A matrix that is found again can be one that nobody could use.
+    for load in loads.iter().filter(|load| by_matrix(load.wheel)) {
+        known.corner.entry(load.wheel).or_default().matrix = None;
+    }
+    let resolved = Resolved::new(sensors, &known)?;
     let mut rig = LoadRig {
         findings: Findings {
             what: "gains of the strain bridges".to_owned(),
@@ -82,13 +99,17 @@ pub fn load_rig(
         },
         sensitivity: Vec::new(),
         faults: Vec::new(),
-        calibration: known.clone(),
+        calibration: known,
     };
     for wheel in Wheel::ALL {
         let rows: Vec<&RigLoad> = loads.iter().filter(|load| load.wheel == wheel).collect();
         if rows.is_empty() {
             let note = format!("{wheel} was not loaded; its gains stay as they were");
             rig.findings.notes.push(note);
+            continue;
+        }
+        if by_matrix(wheel) {
+            rig.matrix_corner(vehicle, &resolved, wheel, &rows)?;
             continue;
         }
         enough(wheel, &rows).map_err(|refusal| refusal.of(WHAT))?;
@@ -160,15 +181,17 @@ pub fn members(
     let length_m = corner.design_strut_length_m() - load.compression_m;
     let pose = corner.pose(length_m, rack_m).map_err(told)?;
     let kind = ChannelKind::BallNormal;
-    let [x, y, load_n] = load.force_n;
+    let load_n = load.force_n[2];
     let statics =
         CornerStatics::standing(&corner, &pose, axle, Vector3::z(), load_n, kind).map_err(told)?;
-    // Forward and left at hub height: about the contact point they have the moment h z x F.
+    // A force at the hub has the moment h z x F about the contact point.
     let pressed_m = (load_n / axle.tyre.vertical_stiffness_n_m).max(0.0);
     let height_m = axle.tyre.unloaded_radius_m - pressed_m;
+    let arm_m = Vector3::from(load.at_m) + Vector3::z() * height_m;
+    let force_n = Vector3::from(load.force_n);
     let members = statics.members(&Wrench {
-        force_n: load.force_n.into(),
-        moment_n_m: Vector3::new(-height_m * y, height_m * x, 0.0),
+        force_n,
+        moment_n_m: arm_m.cross(&force_n),
     });
     let arm_m = sensors.strain.bending_moment_per_ball_normal_m();
     let moment = statics.ball_normal_n(&members) * arm_m.unwrap_or(1.0);

@@ -5,7 +5,7 @@ use model::strain::largest_count;
 use nalgebra::{Matrix3, Vector3};
 use sample::{Counts, PerWheel, StrainChannel, Wheel};
 
-use super::{Calibration, ChannelCalibration, TemperatureCalibration};
+use super::{Calibration, ChannelCalibration, SensitivityMatrix, TemperatureCalibration};
 use crate::EstimatorError;
 use crate::handling::Handling;
 
@@ -58,6 +58,8 @@ pub struct CornerChannels {
     pub strain: [Channel; StrainChannel::COUNT],
     /// Compression of the strut from its design length, m.
     pub deflection: Channel,
+    /// What the axial channels read of the forces on the wheel, in the place of a linkage's statics.
+    pub matrix: Option<SensitivityMatrix>,
 }
 
 /// A hub accelerometer as calibrated: what a filter needs to use its readings. The reading of axis i
@@ -351,16 +353,28 @@ fn corner(
         .map_err(scale)?
         .map(|scale| 1.0 / scale.counts_per_unit);
     let mut strain = [None; StrainChannel::COUNT];
+    let given_matrix = given.and_then(|corner| corner.matrix.as_ref());
+    let matrix = SensitivityMatrix::of(wheel, given_matrix, chain.transducer.as_ref())?;
     for channel in StrainChannel::ALL {
         let bending = matches!(
             channel,
             StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending
         );
-        let nominal_gain = if bending { bending_gain } else { axial_gain };
+        let mut nominal_gain = if bending { bending_gain } else { axial_gain };
+        if let Some(given) = given_matrix {
+            nominal_gain = given.gain_per_count(channel);
+        } else if let Some(matrix) = &matrix {
+            let row = matrix.rows.get(channel.index()).copied().flatten();
+            nominal_gain = nominal_gain.filter(|_| row.is_some());
+        }
         let name = format!("corner.{}.strain.{}", wheel_key(wheel), channel.name());
+        let of_channel = given.and_then(|c| c.strain.get(&channel)).copied();
+        if given_matrix.is_some() {
+            refuse_gain(&name, of_channel)?;
+        }
         strain[channel.index()] = Some(resolve(
             &name,
-            given.and_then(|c| c.strain.get(&channel)).copied(),
+            of_channel,
             nominal_gain,
             chain.adc_bits,
             chain.noise_counts,
@@ -380,10 +394,27 @@ fn corner(
         dead: true,
         ..deflection
     };
+    let strain = strain.map(|channel| channel.unwrap_or(dead));
+    if let Some(matrix) = &matrix {
+        matrix.conditioned(wheel, std::array::from_fn(|i| !strain[i].dead))?;
+    }
     Ok(CornerChannels {
-        strain: strain.map(|channel| channel.unwrap_or(dead)),
+        strain,
         deflection,
+        matrix,
     })
+}
+
+/// Refuses a gain beside a matrix.
+fn refuse_gain(name: &str, given: Option<ChannelCalibration>) -> Result<(), EstimatorError> {
+    match given.and_then(|channel| channel.gain_per_count) {
+        None => Ok(()),
+        Some(value) => Err(EstimatorError::Value {
+            name: format!("{name}.gain_per_count"),
+            value,
+            expected: "no gain beside the matrix of the corner, which contains it; remove one of both",
+        }),
+    }
 }
 
 fn resolve(
@@ -426,7 +457,7 @@ fn resolve(
     })
 }
 
-fn wheel_key(wheel: Wheel) -> &'static str {
+pub(crate) fn wheel_key(wheel: Wheel) -> &'static str {
     match wheel {
         Wheel::FrontLeft => "front_left",
         Wheel::FrontRight => "front_right",

@@ -3,16 +3,17 @@
 
 use model::suspension::{
     BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, SuspensionError,
-    TyreFrame,
+    TyreFrame, WheelPath,
 };
 use model::vehicle::{Strut, Unsprung, Vehicle};
 use nalgebra::Vector3;
-use sample::{LogTime, Wheel};
+use sample::{LogTime, PerWheel, Wheel};
 
 use super::length::LengthFilter;
 use super::travel::{OnPath, Travel};
 use super::{CornerState, KnownLinkage};
-use crate::calibration::HubSensor;
+use crate::calibration::matrix::contact_height_m;
+use crate::calibration::{CornerChannels, HubSensor, SensitivityMatrix};
 use crate::feedback::StrutEstimate;
 use crate::inputs::Reading;
 use crate::tuning::{CornerTuning, Tuning};
@@ -36,6 +37,8 @@ pub(super) struct Linkage {
     pub(super) hub: Option<HubSensor>,
     pub(super) pose: CornerPose,
     pub(super) known: KnownLinkage,
+    /// The matrix of its channels.
+    pub(super) matrix: Option<SensitivityMatrix>,
     pub(super) fallback_load_n: f64,
 }
 
@@ -45,9 +48,11 @@ impl Linkage {
     pub(super) fn new(
         vehicle: &Vehicle,
         wheel: Wheel,
-        deflection_sigma_m: f64,
+        channels: &PerWheel<CornerChannels>,
         tuning: &Tuning,
     ) -> Result<Option<Self>, SuspensionError> {
+        let deflection_sigma_m = channels[Wheel::FrontLeft].deflection.noise_sigma;
+        let matrix = channels[wheel].matrix;
         let axle = vehicle.axle(wheel);
         let (Some(strut), Some(unsprung)) = (&axle.strut, &axle.unsprung) else {
             return Ok(None);
@@ -55,7 +60,7 @@ impl Linkage {
         let corner = if axle.has_hard_points() {
             Some(Corner::of(vehicle, wheel)?)
         } else {
-            Corner::straight(vehicle, wheel)
+            straight(vehicle, wheel, matrix.as_ref())
         };
         let Some(corner) = corner else {
             return Ok(None);
@@ -73,6 +78,7 @@ impl Linkage {
                 (None, true) => KnownLinkage::Corner,
                 (None, false) => KnownLinkage::None,
             },
+            matrix,
             corner,
             strut: strut.clone(),
             unsprung: unsprung.clone(),
@@ -87,7 +93,7 @@ impl Linkage {
     pub(super) fn load(&mut self, vehicle: &Vehicle, wheel: Wheel) -> Result<(), SuspensionError> {
         if self.known == KnownLinkage::Corner {
             self.corner = Corner::of(vehicle, wheel)?;
-        } else if let Some(corner) = Corner::straight(vehicle, wheel) {
+        } else if let Some(corner) = straight(vehicle, wheel, self.matrix.as_ref()) {
             self.corner = corner;
         }
         self.fallback_load_n = vehicle.static_load_n(wheel);
@@ -141,6 +147,50 @@ impl Linkage {
         self.strut.design_length_m - self.corner.design_strut_length_m()
     }
 
+    /// What the strut of the vehicle file pushes too much by the loads of the matrix, N.
+    pub(super) fn strut_offset_n(&self) -> f64 {
+        let strut = self.matrix.and_then(|matrix| matrix.strut);
+        strut.map_or(0.0, |strut| strut.offset_n)
+    }
+
+    /// Standard deviations of the parts of F_x, F_y, F_z that the strut carries, if no hard-points tell them.
+    fn strut_part_sigma(&self, compression_m: f64) -> [f64; 3] {
+        let Some(matrix) = self.matrix.filter(|_| !self.corner.is_known()) else {
+            return [0.0; 3];
+        };
+        let Some(strut) = &matrix.strut else {
+            return [0.0, 0.0, self.tuning.unknown_strut_part];
+        };
+        let more_m = compression_m - matrix.compression_m;
+        std::array::from_fn(|axis| {
+            math::hypot(
+                strut.part_sigma[axis],
+                more_m * strut.change_per_m_sigma[axis],
+            )
+        })
+    }
+
+    /// Standard deviations of heading and inclination of the wheel against the body, rad.
+    fn unknown_rad(&self) -> [f64; 2] {
+        let turns = self.matrix.and_then(|matrix| matrix.strut).is_some();
+        let [heading, inclination] = self.tuning.unknown_rad;
+        match (self.known, turns) {
+            (KnownLinkage::None, false) => [heading, inclination],
+            // The loads tell how the wheel turns with the strut, but not how it stands in the design position.
+            (KnownLinkage::None, true) => [heading, self.tuning.unknown_design_rad],
+            _ => [0.0; 2],
+        }
+    }
+
+    /// Standard deviation of the strut's force near a length and a rate, N; infinite while no deflection is measured.
+    fn strut_sigma_n(&self, stiffness_n_m: f64, damping_n_s_m: f64) -> f64 {
+        self.length
+            .force_variance(stiffness_n_m, damping_n_s_m)
+            .map_or(f64::INFINITY, |variance| {
+                (variance + self.tuning.strut_sigma_n.powi(2)).sqrt()
+            })
+    }
+
     /// The corner in the present pose. `rack`: its rate and acceleration; `rolling`: spin and its rate, gravity along the normal.
     pub(super) fn state(
         &self,
@@ -187,21 +237,20 @@ impl Linkage {
             }
         };
         let length = length + self.design_shift_m();
-        let stiffness = self.strut.stiffness_at(length);
         let damping = self.strut.damping_at(rate);
+        let compression_m = self.corner.design_strut_length_m() - pose.strut_length_m;
         Ok(CornerState {
             pose: *pose,
             frame,
             statics,
             travel,
+            compression_m,
+            strut_part_sigma: self.strut_part_sigma(compression_m),
+            matrix_axes: self.matrix.map(|matrix| matrix.axes),
+            unknown_rad: self.unknown_rad(),
             length_read: self.read,
-            strut_n: self.strut.force(length, rate).total_n(),
-            strut_sigma_n: self
-                .length
-                .force_variance(stiffness, damping)
-                .map_or(f64::INFINITY, |variance| {
-                    (variance + self.tuning.strut_sigma_n.powi(2)).sqrt()
-                }),
+            strut_n: self.strut.force(length, rate).total_n() - self.strut_offset_n(),
+            strut_sigma_n: self.strut_sigma_n(self.strut.stiffness_at(length), damping),
             spin_rad_s: spin,
             spin_dot_rad_s2: spin_dot,
             travel_m_s: motion.wheel_travel_m_s,
@@ -209,4 +258,25 @@ impl Linkage {
             linkage: self.known,
         })
     }
+}
+
+/// The corner of an axle without hard-points. The wheel moves as the strut's row of the matrix tells, else as the
+/// vehicle file does. By virtual work, the strut's force for a force on the wheel is the movement of the point of
+/// application for a shorter strut, and that for a moment is the turn of the upright.
+fn straight(vehicle: &Vehicle, wheel: Wheel, matrix: Option<&SensitivityMatrix>) -> Option<Corner> {
+    let Some((matrix, strut)) = matrix.and_then(|matrix| Some((matrix, matrix.strut?))) else {
+        return Corner::straight(vehicle, wheel);
+    };
+    let [part, change, turn] = [strut.part, strut.change_per_m, strut.per_m].map(Vector3::from);
+    let height_m = (matrix.contact_height_m).unwrap_or_else(|| contact_height_m(vehicle, wheel));
+    // F_y acts at the contact point, and F_x at the wheel centre.
+    let turning = Vector3::from(strut.moment_change_per_m);
+    let at_centre = Vector3::y() * ((turn.x - turning.x * matrix.compression_m) * height_m);
+    let path = WheelPath {
+        travel: change * matrix.compression_m - part + at_centre,
+        bend: change - Vector3::y() * (turning.x * height_m),
+        turn: turning * matrix.compression_m - turn,
+        turn_bend: turning,
+    };
+    Corner::along(vehicle, wheel, path)
 }

@@ -152,7 +152,7 @@ impl Linkage {
         let force = strut.force(spring_m, rate_m_s);
         let stopped = force.stop_n != 0.0;
         StrutLine {
-            force_n: force.total_n(),
+            force_n: force.total_n() - self.strut_offset_n(),
             length_m,
             rate_m_s,
             stiffness_n_m: strut.stiffness_at(spring_m),

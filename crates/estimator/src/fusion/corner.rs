@@ -8,6 +8,7 @@ use super::lag::Unlagged;
 use super::latency::{Ageing, AgeingRows};
 use super::layout::{FORCE, HUB_BIAS, LENGTH_ERROR, OFFSET};
 use super::{Change, ChannelChange, Fusion, StepInput, StepModel};
+use crate::calibration::SensitivityMatrix;
 use crate::corners::KnownLinkage;
 use crate::gaussian::within;
 use crate::inputs::{Reading, Readings};
@@ -116,9 +117,11 @@ impl Fusion {
         readings: &mut Readings,
         changes: &mut impl FnMut(ChannelChange),
     ) {
-        let (mut measured, rows) = self.measure_corner(input, &model.forms[wheel], wheel, readings);
+        let (mut measured, rows) = self.measure_corner(input, model, wheel, readings);
         let mut joint = self.covariance.project(&rows, &self.state);
-        let strained = measured.alive >= STRAINED;
+        let matrix = input.channels.0[wheel].matrix.as_ref();
+        let needed = matrix.map_or(STRAINED, SensitivityMatrix::channels_needed);
+        let strained = measured.alive >= needed;
         if strained && self.leaps(&joint, &measured) {
             measured.length = None;
             self.suspected[wheel] = true;
@@ -169,10 +172,11 @@ impl Fusion {
     fn measure_corner(
         &mut self,
         input: &StepInput<'_>,
-        forms: &CornerForms,
+        model: &StepModel,
         wheel: usize,
         readings: &mut Readings,
     ) -> (CornerMeasurements, CornerRows) {
+        let forms = &model.forms[wheel];
         let mut rows = CornerRows::new(measured_states(wheel));
         let mut length = None;
         if let Some(read) = input.corners[wheel].length_read {
@@ -187,7 +191,7 @@ impl Fusion {
             rows.set(LENGTH_ROW, form.gains, (LENGTH_ERROR + wheel, -1.0));
             length = Some(self.length_measurement(input, wheel, &read, form.constant, ageing));
         }
-        let (strain, alive) = self.measure_strain(input, forms, wheel, readings, &mut rows);
+        let (strain, alive) = self.measure_strain(input, model, wheel, readings, &mut rows);
         let measured = CornerMeasurements {
             length,
             strain,
@@ -261,18 +265,22 @@ impl Fusion {
     fn measure_strain(
         &mut self,
         input: &StepInput<'_>,
-        forms: &CornerForms,
+        model: &StepModel,
         wheel: usize,
         readings: &mut Readings,
         rows: &mut CornerRows,
     ) -> ([Option<RowMeasurement>; StrainChannel::COUNT], usize) {
         let t = self.tuning.members;
+        let forms = &model.forms[wheel];
+        let known_n_m = &model.known[wheel].moment_n_m;
+        let matrix_variance = self.matrix_variance(input, wheel, known_n_m);
+        let has_matrix = input.channels.0[wheel].matrix.is_some();
         let corner = &input.corners[wheel];
         // Each tube of the lower arm carries half of the ball-normal force, so its bending gauges
         // measure M = F_n d/2, independent of spring and damper.
         let arm = 0.5 * self.bending_distance_m;
         let mut alive = 0;
-        if corner.linkage != KnownLinkage::Corner {
+        if corner.linkage != KnownLinkage::Corner && !has_matrix {
             return ([None; StrainChannel::COUNT], alive);
         }
         let strain = StrainChannel::ALL.map(|channel| {
@@ -280,7 +288,8 @@ impl Fusion {
             let reading = readings.corners.0[wheel].strain[i].as_mut()?;
             let axial = i < AXIAL.len();
             alive += usize::from(axial && reading.fresh(input.now, input.fresh_s).is_some());
-            if std::mem::replace(&mut reading.taken, true) || !axial && arm == 0.0 {
+            let is_described = axial || arm != 0.0 && !has_matrix;
+            if std::mem::replace(&mut reading.taken, true) || !is_described {
                 return None;
             }
             let reading = *reading;
@@ -309,7 +318,8 @@ impl Fusion {
             rows.set(STRAIN + i, form.gains, own);
             let noise = self.strain_noise(input, [wheel, i], &unlagged);
             let (extra, tolerance) = if axial {
-                self.member_errors(input, wheel, unlagged.value)
+                let (rough, tolerance) = self.member_errors(input, wheel, unlagged.value);
+                (rough + matrix_variance[i], tolerance)
             } else {
                 (c.offset_sigma.powi(2), arm * t.bending_sigma_n)
             };

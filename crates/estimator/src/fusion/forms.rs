@@ -5,6 +5,7 @@ use sample::Wheel;
 
 use super::layout::{BEFORE, BETWEEN, FORCE, LENGTH, MOMENT, SPEED, STRUT, TORQUE};
 use super::{Fusion, StepInput};
+use crate::statics::AXIAL;
 
 /// States of one corner.
 pub(super) const CORNER: usize = 10;
@@ -243,8 +244,14 @@ impl Fusion {
             -1.0
         };
         let statics = [&corner.statics, &input.statics_before[wheel]];
+        let matrix = self.matrix(input, wheel);
+        // The last row is that of the strut.
+        let of_matrix = |i: usize| matrix.as_ref().filter(|_| i < AXIAL.len());
         let members = std::array::from_fn(|i| {
             statics.map(|statics| {
+                if let Some(matrix) = of_matrix(i) {
+                    return matrix.form(i, statics, known_n_m, left);
+                }
                 let m: [f64; 6] = std::array::from_fn(|k| statics.members_from_wrench[(i, k)]);
                 Form {
                     gains: wrench_gains(m, &arm, left),
@@ -265,7 +272,11 @@ impl Fusion {
         let touching = (self.pressing_n(wheel) / light_n - 1.0).clamp(0.0, 1.0);
         CornerForms {
             members,
-            per_acceleration: travel.members,
+            per_acceleration: std::array::from_fn(|i| {
+                of_matrix(i).map_or(travel.members[i], |matrix| {
+                    matrix.per_acceleration(i, &corner.statics, &travel.members)
+                })
+            }),
             strut,
             acceleration,
             coupled: None,

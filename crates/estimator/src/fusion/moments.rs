@@ -85,7 +85,12 @@ impl Fusion {
             (t.tread_error + t.tread_lifted_error * lifted) * tipping,
             math::hypot(rolling_error, standing_error),
         ];
-        let unknown = self.body.moment_sigma_n_m(wheel, t);
+        let mut unknown = self.body.moment_sigma_n_m(wheel, t);
+        if corner.matrix_axes.is_some() {
+            // The wheel leans by an unknown angle, and its contact point is beside that of the matrix.
+            let beside_m = corner.unknown_rad[1] * tyre.unloaded_radius_m;
+            unknown[0] = math::hypot(unknown[0], beside_m * load);
+        }
         KnownMoment {
             moment_n_m: Vector3::new(tipping, 0.0, turning),
             sigma_n_m: std::array::from_fn(|i| math::hypot(unknown[i], errors[i])),

@@ -11,6 +11,7 @@ use super::propagation::{Moving, Noises, Propagation};
 use super::transition::Transition;
 use super::{CornerForms, Fusion, StepInput, StepModel, lengths, live_axle};
 use crate::calibration::CornerChannels;
+use crate::corners::CornerState;
 use crate::feedback::BodyMotionEstimate;
 use crate::process_noise::ProcessNoise;
 use crate::trace::Operation;
@@ -228,6 +229,14 @@ impl Fusion {
         forms.touching * n.road_white * road + (1.0 - forms.touching) * air
     }
 
+    /// Variance of the force of a strut by the parts of the tyre's force that it carries, N^2.
+    pub(super) fn carried_variance(&self, corner: &CornerState, wheel: usize) -> f64 {
+        let parts = corner.strut_part_sigma.into_iter().enumerate();
+        parts
+            .map(|(axis, sigma)| (sigma * self.state[FORCE + 3 * wheel + axis]).powi(2))
+            .sum()
+    }
+
     fn add_process_noise(
         &mut self,
         input: &StepInput<'_>,
@@ -235,9 +244,9 @@ impl Fusion {
         propagations: &Propagations,
         gains: &DecayGains,
     ) {
-        let (t, dt) = (self.tuning, input.dt);
-        let n = t.force_noise;
+        let (t, dt, n) = (self.tuning, input.dt, self.tuning.force_noise);
         let loads: [f64; 4] = std::array::from_fn(|i| self.load_density(&model.forms[i], i, dt));
+        let carried = [0, 1, 2, 3].map(|i| self.carried_variance(&input.corners[i], i));
         let c = &mut self.covariance;
         // Forces of the vehicle model do not adapt the density.
         let rate = if self.blind {
@@ -293,7 +302,7 @@ impl Fusion {
             };
             let rough = n.road_strut * n.road_strut * road;
             let strut = t.strut_sigma_n * t.strut_sigma_n + stop * stop + rough;
-            c.add_noise(STRUT + wheel, gains.strut * strut);
+            c.add_noise(STRUT + wheel, gains.strut * (strut + carried[wheel]));
             c.add_noise(LENGTH_ERROR + wheel, gains.length_mm2[wheel]);
         }
         self.add_body_noise(input, gains);

@@ -208,7 +208,8 @@ impl Fusion {
         let state = &self.state;
         let corner = &input.corners[wheel];
         let forms = &model.forms[wheel];
-        if corner.linkage == KnownLinkage::Corner {
+        let is_linked = input.channels.0[wheel].matrix.is_none();
+        if corner.linkage == KnownLinkage::Corner && is_linked {
             for (i, channel) in AXIAL.into_iter().enumerate() {
                 // The monitors have found it faulty in this drive: it says nothing of the configuration.
                 if self.health[wheel][channel.index()].is_faulty() {

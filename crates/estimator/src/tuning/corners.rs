@@ -19,6 +19,12 @@ tuning! {
         /// Standard deviations of heading and inclination of a wheel against the body if the vehicle file has no
         /// hard-points of its axle.
         unknown_rad: [f64; 2] = [0.02, 0.07], "rad";
+        /// Standard deviation of the inclination of a wheel whose turn with the strut a load rig has told: its
+        /// inclination in the design position is not known.
+        unknown_design_rad: f64 = 0.01, "rad";
+        /// Standard deviation of the part of F_z that the strut of a corner carries whose motion ratio is one number
+        /// of the vehicle file, beside a matrix of its channels.
+        unknown_strut_part: f64 = 0.1, "1";
         /// Largest load that enters the geometry, in multiples of the static load.
         load_max: f64 = 20.0, "1";
         group tilt: TiltTuning;

@@ -85,6 +85,11 @@ tuning! {
         member_sigma_n: f64 = 1.3, "N";
         /// The same as a part of the force.
         member_sigma_part: f64 = 0.002, "1";
+        /// Error of each response of a channel of a corner that is described by a matrix, beside the matrix' own
+        /// standard deviations, as a part of it: the linkage is not linear.
+        matrix_sigma_part: f64 = 0.015, "1";
+        /// The same for the square of the compression of the strut from that of the matrix.
+        matrix_bend_part_m2: f64 = 10.0, "1/m²";
         /// Standard deviation of a member's force because the force does not change along a line between two
         /// readings, as a part of the second difference of the readings.
         bend_part: f64 = 0.05, "1";

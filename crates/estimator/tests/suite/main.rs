@@ -21,6 +21,7 @@ mod identification;
 mod inertial_forces;
 mod latency;
 mod limits;
+mod matrix;
 mod mistakes;
 mod motion_faults;
 mod road;

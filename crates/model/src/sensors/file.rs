@@ -99,6 +99,7 @@ pub(crate) const SECTIONS: &[TableRules] = &[
             may("um_m_per_mv_v", Number(Within(-1e6, 1e6))),
             may("amplifier", Table),
             may("bending", Table),
+            may("transducer", Table),
             must("lag_hz", Number(Positive(1e6))),
             may("adc_bits", Integer(4, 32)),
             must("noise_counts", Number(NonNegative(65_535.0))),
@@ -121,6 +122,13 @@ pub(crate) const SECTIONS: &[TableRules] = &[
             may("n_m_per_mv_v", Number(Within(-1e9, 1e9))),
             may("um_m_per_mv_v", Number(Within(-1e6, 1e6))),
             must("distance_from_ball_joint_m", Number(Positive(2.0))),
+        ],
+    },
+    TableRules {
+        tables: &["strain.transducer"],
+        rules: &[
+            must("outboard_mass_kg", Number(NonNegative(1e4))),
+            must("sigma_part", Number(Within(0.0, 0.2))),
         ],
     },
     TableRules {

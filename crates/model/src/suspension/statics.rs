@@ -143,7 +143,7 @@ impl CornerStatics {
         motion: &CornerMotion,
         sixth: ChannelKind,
     ) -> Result<Self, SuspensionError> {
-        if let Some(path) = corner.straight_path() {
+        if let Some(path) = corner.straight_path(pose) {
             return Self::of_straight(path, pose, frame, unsprung, motion);
         }
         if let Some(across) = corner.across_strut(pose) {
@@ -263,7 +263,7 @@ impl CornerStatics {
         unsprung: &Unsprung,
         motion: &CornerMotion,
     ) -> Self {
-        if corner.straight_path().is_some() {
+        if corner.straight_path(pose).is_some() {
             let known = straight_inertia(pose, frame.contact_m, unsprung, motion);
             let wrench_offset = turned(&known, frame);
             return Self {

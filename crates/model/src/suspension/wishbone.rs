@@ -58,9 +58,22 @@ enum Guide {
     Arm(Circle),
     /// A strut that is part of the upright, by its direction from the top down in the design position.
     Strut(Vector3<f64>),
-    /// No linkage is known: the wheel centre moves along a straight line by this vector for each metre of
-    /// strut, and turns about an upright axis. All outboard mass is at the wheel centre.
-    Straight(Vector3<f64>),
+    /// No linkage is known: the wheel moves as this path tells, and turns about an upright axis. All outboard
+    /// mass is at the wheel centre.
+    Straight(WheelPath),
+}
+
+/// How a wheel moves with the length of its strut, where no hard-points tell it. Vehicle axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WheelPath {
+    /// Movement of the wheel centre for one metre of strut in the design position.
+    pub travel: Vector3<f64>,
+    /// Change of that for one metre, 1/m.
+    pub bend: Vector3<f64>,
+    /// Turn of the upright for one metre of strut in the design position, rad/m.
+    pub turn: Vector3<f64>,
+    /// Change of that for one metre, rad/m^2.
+    pub turn_bend: Vector3<f64>,
 }
 
 /// Places of the joints in the upright, in the axes of the design position.
@@ -474,11 +487,11 @@ impl Corner {
     #[must_use]
     pub fn rates(&self, pose: &CornerPose) -> CornerRates {
         let p = &self.points;
-        if let Guide::Straight(path) = self.guide {
+        if let Some(path) = self.straight_path(pose) {
             return CornerRates {
                 strut: Twist {
-                    wheel_centre: path,
-                    rotation: Vector3::zeros(),
+                    wheel_centre: path.travel,
+                    rotation: path.turn,
                 },
                 rack: Twist {
                     wheel_centre: Vector3::zeros(),

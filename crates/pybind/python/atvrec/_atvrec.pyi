@@ -666,6 +666,7 @@ def calibrate_load_rig(
     counts_sigma: npt.ArrayLike,
     *,
     steering_wheel_rad: npt.ArrayLike | None = None,
+    at_m: npt.ArrayLike | None = None,
     known_calibration: Mapping[str, Any] | None = None,
 ) -> LoadRig: ...
 def calibrate_member(

@@ -119,11 +119,13 @@ pub fn calibrate_zero<'py>(
 
 /// Gains, zeros and wiring of the strain bridges from known forces on wheels: wheel names (k,),
 /// forces, N, (k, 3), strut compressions, m, (k,), mean counts and their deviations, (k, 7), NaN
-/// where a channel has no reading within its range, steering wheel, rad, (k,).
+/// where a channel has no reading within its range, steering wheel, rad, (k,), points of application from the
+/// wheel centre, m, (k, 3), at the hub if they are not given. A wheel of an axle without hard-points gets a
+/// sensitivity matrix in the calibration.
 #[pyfunction]
 #[pyo3(signature = (
     vehicle, sensors, wheel, force_n, compression_m, counts, counts_sigma, *,
-    steering_wheel_rad=None, known_calibration=None,
+    steering_wheel_rad=None, at_m=None, known_calibration=None,
 ))]
 #[allow(clippy::too_many_arguments)]
 #[allow(clippy::needless_pass_by_value)]
@@ -137,9 +139,14 @@ pub fn calibrate_load_rig<'py>(
     counts: Doubles<'py>,
     counts_sigma: Doubles<'py>,
     steering_wheel_rad: Option<Doubles<'py>>,
+    at_m: Option<Doubles<'py>>,
     known_calibration: Option<&Bound<'py, PyDict>>,
 ) -> Found<'py> {
     let known = known(vehicle, known_calibration)?;
+    let at_m = match &at_m {
+        Some(at_m) => vectors::<3>("at_m", at_m)?,
+        None => vec![[0.0; 3]; wheel.len()],
+    };
     let force_n = vectors::<3>("force_n", &force_n)?;
     let compression_m = column("compression_m", Some(&compression_m))?;
     let counts = vectors::<CHANNELS>("counts", &counts)?;
@@ -151,6 +158,7 @@ pub fn calibrate_load_rig<'py>(
     same_length(&[
         ("wheel", wheel.len()),
         ("force_n", force_n.len()),
+        ("at_m", at_m.len()),
         ("compression_m", compression_m.len()),
         ("counts", counts.len()),
         ("counts_sigma", sigma.len()),
@@ -160,6 +168,7 @@ pub fn calibrate_load_rig<'py>(
         Ok(RigLoad {
             wheel: input::wheel(&wheel[k])?,
             force_n: force_n[k],
+            at_m: at_m[k],
             compression_m: compression_m[k],
             steering_wheel_rad: steering_wheel[k],
             counts: std::array::from_fn(|i| {

@@ -94,14 +94,14 @@ pub(super) fn load_rig(
     recordings: &[Recording],
     known: &Calibration,
 ) -> Result<Calibrated, EstimatorError> {
-    let resolved = Resolved::new(&recordings[0].sensors, known)?;
+    let resolved = Resolved::new(&recordings[0].sensors, &without_matrices(known))?;
     let mut loads = Vec::new();
     for recording in recordings {
         let range = [
             0.0,
             math::exp2(f64::from(recording.sensors.strain.adc_bits)) - 1.0,
         ];
-        for (time_s, wheel, values) in rig_marks(recording)? {
+        for (time_s, wheel, [force_n, at_m]) in rig_marks(recording)? {
             let of = |signal: Signal<'_>| {
                 let rest = Rest::of(&signal, time_s, time_s + REST_S, range)?;
                 (rest.saturated == 0.0).then_some([rest.mean, rest.mean_sigma])
@@ -110,8 +110,9 @@ pub(super) fn load_rig(
             let steering_wheel = recording.steer.signal().mean(time_s, time_s + REST_S);
             loads.push(RigLoad {
                 wheel,
-                force_n: values,
-                compression_m: compression(recording, &resolved, wheel, time_s)?,
+                force_n,
+                at_m,
+                compression_m: rig_compression(recording, &resolved, wheel, time_s)?,
                 steering_wheel_rad: steering_wheel.map_or(0.0, |a| a - resolved.steer_offset_rad),
                 counts: StrainChannel::ALL.map(|channel| of(strain[channel.index()].signal())),
             });
@@ -120,7 +121,13 @@ pub(super) fn load_rig(
     let first = &recordings[0];
     let found = load_rig::load_rig(&first.vehicle, &first.sensors, known, &loads)?;
     let mut findings = found.findings;
+    let corners = &found.calibration.corner;
+    let has_matrix = |wheel: &Wheel| corners.get(wheel).is_some_and(|c| c.matrix.is_some());
     for (wheel, channel, sensitivity) in found.sensitivity {
+        // Those of a matrix are findings with their standard deviations.
+        if has_matrix(&wheel) {
+            continue;
+        }
         let channel = first.vehicle.channel_name(wheel, channel);
         for (axis, value) in ["F_x", "F_y", "F_z"].into_iter().zip(sensitivity) {
             let name = format!("{wheel} {channel} to {axis}");
@@ -176,10 +183,36 @@ fn marked<const N: usize>(
         .collect()
 }
 
-/// Marks `rig <wheel> <F_x> <F_y> <F_z>` with their times.
-pub(super) fn rig_marks(
+/// A calibration without what describes corners in the place of their geometry.
+fn without_matrices(known: &Calibration) -> Calibration {
+    let mut known = known.clone();
+    for corner in known.corner.values_mut() {
+        corner.matrix = None;
+    }
+    known
+}
+
+/// Compression of a strut after a mark, m: the design length of an axle without hard-points and without a
+/// reading.
+fn rig_compression(
     recording: &Recording,
-) -> Result<Vec<(f64, Wheel, [f64; 3])>, RecordingError> {
+    resolved: &Resolved,
+    wheel: Wheel,
+    time_s: f64,
+) -> Result<f64, RecordingError> {
+    let found = compression(recording, resolved, wheel, time_s);
+    match recording.vehicle.axle(wheel).has_hard_points() {
+        true => found,
+        false => Ok(found.unwrap_or(0.0)),
+    }
+}
+
+/// A mark of a load: when, on which wheel, force, N, and point of application from the wheel centre, m.
+type RigMark = (f64, Wheel, [[f64; 3]; 2]);
+
+/// Marks `rig <wheel> <F_x> <F_y> <F_z> [at <x> <y> <z>]` with their times. Without a point, the force acts at
+/// the hub.
+pub(super) fn rig_marks(recording: &Recording) -> Result<Vec<RigMark>, RecordingError> {
     let marks = recording.marks.iter();
     let marks = marks.filter_map(|mark| Some((mark, mark.1.strip_prefix("rig ")?)));
     marks
@@ -187,7 +220,8 @@ pub(super) fn rig_marks(
             let (name, rest) = rest.trim().split_once(' ').unwrap_or((rest, ""));
             let wheel = Wheel::from_abbreviation(name)
                 .ok_or_else(|| ReadingProblem::NotAWheel(name.to_owned()));
-            let read = wheel.and_then(|wheel| Ok((mark.0, wheel, numbers(rest)?)));
+            let (force, at) = rest.split_once("at").unwrap_or((rest, "0 0 0"));
+            let read = wheel.and_then(|wheel| Ok((mark.0, wheel, [numbers(force)?, numbers(at)?])));
             read.map_err(|problem| refused(recording, mark, problem))
         })
         .collect()

@@ -157,10 +157,10 @@ fn windows(
         return Ok(Vec::new());
     };
     let known = &resolved.corners[wheel];
-    let marks: Vec<(f64, [f64; 3])> = rig_marks(recording)?
+    let marks: Vec<(f64, [[f64; 3]; 2])> = rig_marks(recording)?
         .into_iter()
         .filter(|(_, marked, _)| *marked == wheel)
-        .map(|(time_s, _, force_n)| (time_s, force_n))
+        .map(|(time_s, _, load)| (time_s, load))
         .collect();
     let count = ((end_s - begin_s) / WINDOW_S).floor() as usize;
     let mut found = Vec::new();
@@ -180,7 +180,7 @@ fn windows(
         };
         let force_counts = match mark {
             None => 0.0,
-            Some((_, force_n)) => {
+            Some((_, [force_n, at_m])) => {
                 let deflection = recording.deflection[wheel].signal().mean(from_s, to_s);
                 let compression_m = deflection.map_or(0.0, |counts| {
                     known.deflection.gain * (counts - known.deflection.offset_counts)
@@ -188,12 +188,16 @@ fn windows(
                 let load = RigLoad {
                     wheel,
                     force_n: *force_n,
+                    at_m: *at_m,
                     compression_m,
                     steering_wheel_rad: 0.0,
                     counts: [None; StrainChannel::COUNT],
                 };
-                members(&recording.vehicle, &recording.sensors, &load)?[index]
-                    / known.strain[index].gain
+                let response = match &known.matrix {
+                    Some(matrix) => matrix.response_n(index, &recording.vehicle, &load),
+                    None => members(&recording.vehicle, &recording.sensors, &load)?[index],
+                };
+                response / known.strain[index].gain
             }
         };
         found.push(Window {

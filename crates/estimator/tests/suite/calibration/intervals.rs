@@ -96,6 +96,7 @@ fn gains(seed: u64) -> Findings {
         .map(|force_n| RigLoad {
             wheel: Wheel::FrontLeft,
             force_n,
+            at_m: [0.0; 3],
             compression_m: 2e-5 * force_n[2] - 0.03,
             steering_wheel_rad: 0.0,
             counts: [None; StrainChannel::COUNT],

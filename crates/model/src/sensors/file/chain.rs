@@ -39,6 +39,7 @@ pub(super) fn problems(strain: &StrainChain) -> Vec<Mistake> {
         return Vec::new();
     }
     let mut found: Vec<Mistake> = thick_wall(strain).into_iter().collect();
+    found.extend(beside_transducer(strain));
     let axial = Channels {
         table: "strain",
         given: strain.given(),
@@ -76,6 +77,26 @@ fn thick_wall(strain: &StrainChain) -> Option<Mistake> {
     let message = format!("is more than half the tube's diameter of {diameter} m");
     let field = "strain.tube_wall_m".to_owned();
     (2.0 * wall > diameter).then(|| Mistake::new(field, wall, message, "check its unit"))
+}
+
+/// Fields that no chain of wheel-force transducers has.
+fn beside_transducer(strain: &StrainChain) -> Vec<Mistake> {
+    let Some(_) = strain.transducer else {
+        return Vec::new();
+    };
+    let fields = [
+        ("strain.bending", strain.bending.is_some()),
+        ("strain.bridge", strain.bridge.is_some()),
+        ("strain.um_m_per_mv_v", strain.um_m_per_mv_v.is_some()),
+    ];
+    let message = "is of gauges on the suspension, but strain.transducer is in their place";
+    let given = fields.into_iter().filter(|(_, is_there)| *is_there);
+    given
+        .map(|(field, _)| {
+            let remedy = "remove it, and give the force of one count as n_per_count";
+            Mistake::new(field.to_owned(), "given", message, remedy)
+        })
+        .collect()
 }
 
 impl Channels {

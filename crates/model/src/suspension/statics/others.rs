@@ -3,7 +3,7 @@
 use nalgebra::{Vector3, Vector6};
 
 use super::{ChannelKind, CornerStatics, corner_inertia, known_wrench, lower_arm, pull, stack};
-use crate::suspension::{Corner, CornerMotion, CornerPose, SuspensionError, TyreFrame};
+use crate::suspension::{Corner, CornerMotion, CornerPose, SuspensionError, TyreFrame, WheelPath};
 use crate::vehicle::Unsprung;
 
 impl CornerStatics {
@@ -47,9 +47,12 @@ impl CornerStatics {
     }
 
     /// The map of a wheel whose linkage is not known: the members are forces along x and across the path and
-    /// moments about the wheel centre, in the place of what the linkage has.
+    /// moments about the wheel centre, in the place of what the linkage has. By virtual work, those do no work
+    /// as the strut moves.
     pub(super) fn of_straight(
-        path: Vector3<f64>,
+        WheelPath {
+            travel: path, turn, ..
+        }: WheelPath,
         pose: &CornerPose,
         frame: &TyreFrame,
         unsprung: &Unsprung,
@@ -57,14 +60,16 @@ impl CornerStatics {
     ) -> Result<Self, SuspensionError> {
         let to_centre = pose.wheel_centre_m - frame.contact_m;
         let force = |force: Vector3<f64>| stack(force, to_centre.cross(&force));
-        let moment = |moment: Vector3<f64>| stack(Vector3::zeros(), moment);
+        let along = path / path.norm_squared();
+        let moment =
+            |unit: Vector3<f64>| stack(Vector3::zeros(), unit) - force(along * turn.dot(&unit));
         let columns = [
-            force(Vector3::x()),
+            force(Vector3::x() - along * path.x),
             force(path.cross(&Vector3::x()).normalize()),
             moment(Vector3::x()),
             moment(Vector3::y()),
             moment(Vector3::z()),
-            force(path / path.norm_squared()),
+            force(along),
         ];
         let known = straight_inertia(pose, frame.contact_m, unsprung, motion);
         Self::of_columns(&columns, &known, frame, (Vector3::z(), 0.0))

@@ -43,10 +43,13 @@ impl Corner {
     /// First and second derivatives at `pose`.
     #[must_use]
     pub fn path(&self, pose: &CornerPose) -> CornerPath {
-        if let Guide::Straight(path) = self.guide {
+        if let Some(path) = self.straight_path(pose) {
             let mut wheel = PointPath::fixed(pose.wheel_centre_m);
-            wheel.travel.by_strut = path;
+            wheel.travel.by_strut = path.travel;
+            wheel.travel.by_strut_strut = path.bend;
             let arm = wheel;
+            wheel.rotation.by_strut = path.turn;
+            wheel.rotation.by_strut_strut = path.turn_bend;
             wheel.rotation.by_rack = Vector3::z();
             return CornerPath {
                 wheel,

@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Vector3};
 use sample::Wheel;
 
 use super::circle::Circle;
-use super::{Corner, CornerPose, Guide, HardPoints, Upright};
+use super::{Corner, CornerPose, Guide, HardPoints, Upright, WheelPath};
 use crate::suspension::StraightPath;
 use crate::vehicle::Vehicle;
 
@@ -15,6 +15,17 @@ impl Corner {
     #[must_use]
     pub fn straight(vehicle: &Vehicle, wheel: Wheel) -> Option<Self> {
         let straight = StraightPath::of(vehicle, wheel)?;
+        let path = WheelPath {
+            travel: straight.path / -straight.motion_ratio,
+            ..WheelPath::default()
+        };
+        Self::along(vehicle, wheel, path)
+    }
+
+    /// The same corner on another path. `None` if the file lacks the strut or its motion ratio.
+    #[must_use]
+    pub fn along(vehicle: &Vehicle, wheel: Wheel, path: WheelPath) -> Option<Self> {
+        let straight = StraightPath::of(vehicle, wheel)?;
         let (centre, length_m) = (straight.wheel_centre_m, straight.design_length_m);
         Some(Self {
             wheel,
@@ -24,7 +35,7 @@ impl Corner {
             rack_direction: 1.0,
             hinge_front_share: None,
             strut_circle: Circle::new(centre, Vector3::x(), centre, centre),
-            guide: Guide::Straight(straight.path / -straight.motion_ratio),
+            guide: Guide::Straight(path),
             design: Upright::default(),
             tie_rod_length_m: 0.0,
             tie_rod_branch: 1.0,
@@ -35,26 +46,38 @@ impl Corner {
     /// Whether the linkage is known.
     #[must_use]
     pub fn is_known(&self) -> bool {
-        self.straight_path().is_none()
+        !matches!(self.guide, Guide::Straight(_))
     }
 
-    /// Movement of the wheel centre for one metre of strut if the linkage is not known.
-    pub(in crate::suspension) fn straight_path(&self) -> Option<Vector3<f64>> {
-        match self.guide {
-            Guide::Straight(path) => Some(path),
-            _ => None,
-        }
+    /// Path of the wheel in a pose if the linkage is not known.
+    pub(in crate::suspension) fn straight_path(&self, pose: &CornerPose) -> Option<WheelPath> {
+        let Guide::Straight(path) = self.guide else {
+            return None;
+        };
+        let longer_m = pose.strut_length_m - self.design_strut_length_m;
+        Some(WheelPath {
+            travel: path.travel + path.bend * longer_m,
+            turn: path.turn + path.turn_bend * longer_m,
+            ..path
+        })
     }
 
     pub(super) fn straight_pose(
         &self,
         strut_length_m: f64,
         steer_rad: f64,
-        path: Vector3<f64>,
+        path: WheelPath,
     ) -> CornerPose {
-        let turned = *Rotation3::from_axis_angle(&Vector3::z_axis(), steer_rad).matrix();
-        let centre =
-            self.points.wheel_centre + path * (strut_length_m - self.design_strut_length_m);
+        let mut turned = *Rotation3::from_axis_angle(&Vector3::z_axis(), steer_rad).matrix();
+        let longer_m = strut_length_m - self.design_strut_length_m;
+        let turn = path.turn * longer_m + path.turn_bend * (0.5 * longer_m * longer_m);
+        if turn != Vector3::zeros() {
+            turned = Rotation3::new(turn).matrix() * turned;
+        }
+        let centre = self.points.wheel_centre
+            + path.travel * longer_m
+            + path.bend * (0.5 * longer_m * longer_m);
+        let path = path.travel + path.bend * longer_m;
         CornerPose {
             strut_length_m,
             rack_m: steer_rad,
