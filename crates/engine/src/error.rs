@@ -187,6 +187,15 @@ pub enum Error {
         /// Why.
         source: Box<sim::SimError>,
     },
+    /// Toe compliance for the motion of a file.
+    #[error(
+        "the options have the table toe, but the steer angles of the motion are those of {path}: remove \
+             the table, or simulate a manoeuvre"
+    )]
+    ToeOfTruth {
+        /// The file of the motion.
+        path: PathBuf,
+    },
     /// A vehicle, sensors or road file has errors.
     #[error(transparent)]
     VehicleFile(#[from] model::FileErrors),

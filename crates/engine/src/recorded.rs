@@ -1,13 +1,16 @@
 //! Estimates of a log as arrays for identification.
 
+use estimator::calibration::Resolved;
 use estimator::finding::Refusal;
-use estimator::identification::{Motion, Recorded, Sense, TyreForces};
+use estimator::identification::toe::differences_rad;
+use estimator::identification::{Method, Motion, Recorded, Sense, TyreForces};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel};
 use store::{Reader, Table, Values};
 
 use crate::config::{FileKind, Files};
+use crate::recording::{STEERING, recording_of};
 use crate::{Config, Error, Result};
 
 /// Interval of the estimates, s.
@@ -31,7 +34,7 @@ pub struct Window {
     pub to_s: Option<f64>,
 }
 
-/// Reads the estimates of a drive, which `what` is looked for in. The vehicle is the log's, or the
+/// Reads the estimates of a drive, which a method is applied to. The vehicle is the log's, or the
 /// one given in its place.
 ///
 /// # Errors
@@ -41,11 +44,10 @@ pub fn read_drive(
     reader: &Reader,
     given: Option<Vehicle>,
     window: Window,
-    what: &str,
-    senses: &[Sense],
+    method: &Method,
 ) -> Result<Recorded> {
     let vehicle = vehicle_of(reader, given)?;
-    require(reader, what, senses)?;
+    require(reader, method.what(), method.senses())?;
     let grid = Grid::read(reader, MOTION, window)?;
     let each = |name: &str| grid.column(name);
     let wheels = |name: &str| PerWheel(WHEELS.map(|wheel| each(&format!("{wheel}.{name}"))));
@@ -64,7 +66,41 @@ pub fn read_drive(
         steer_offset_rad: learnt_offset(reader, &grid)?,
     };
     let forces = read_forces(reader, window, &grid)?;
-    Ok(Recorded::new(vehicle, motion, forces))
+    let recorded = Recorded::new(vehicle, motion, forces);
+    match method {
+        Method::Toe => {
+            let toe_rad = read_toe(reader, &recorded.vehicle, &grid)?;
+            Ok(recorded.with_toe(toe_rad))
+        }
+        _ => Ok(recorded),
+    }
+}
+
+/// Reads what the steer angles of the front wheels differ from those of rack and linkage, rad.
+fn read_toe(reader: &Reader, vehicle: &Vehicle, grid: &Grid) -> Result<[Vec<f64>; 2]> {
+    let config = Config::from_attachments(&reader.attachments()?)?;
+    let given = config.estimator.ok_or(Error::NoVehicle)?;
+    let calibration = Resolved::new(&given.sensors, &given.calibration)?;
+    let recording = recording_of(
+        reader,
+        &STEERING,
+        "the log".to_owned(),
+        vehicle,
+        &given.sensors,
+    )?;
+    let start = reader.info().span.map_or(LogTime(0), |span| span.0);
+    let first = LogTime(u64::try_from(grid.first_ns).unwrap_or_default());
+    let first_s = first.seconds_since(start);
+    let times_s: Vec<f64> = (0..grid.rows)
+        .map(|row| first_s + DT_S * row as f64)
+        .collect();
+    let vehicle = given.calibration.applied(vehicle);
+    Ok(differences_rad(
+        &recording,
+        &vehicle,
+        &calibration,
+        &times_s,
+    )?)
 }
 
 /// Reads the rate about `axis` (`x`, `y` or `z`) of the log's first inertial unit, which swings with

@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use estimator::calibration::Recording;
-use sample::{LogTime, Wheel};
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use sample::{ControlSample, LogTime, Wheel};
 use store::{Reader, Record, Selection, Values};
 
 use crate::{Config, Error, Result};
@@ -19,6 +21,9 @@ const TOPICS: [&str; 8] = [
     "/wheel_speed",
     "/mark",
 ];
+
+/// Topics of the steering and of what turns the wheels with the springs.
+pub(crate) const STEERING: [&str; 2] = ["/steer", "/deflection"];
 
 /// Reads the measurements and the marks of a log.
 ///
@@ -37,10 +42,21 @@ pub fn read_recording(path: &Path) -> Result<Recording> {
     let loaded = estimator.vehicle.loaded(&estimator.settings.payload);
     let loaded = loaded.map_err(estimator::EstimatorError::from)?;
     let sensors = loaded.sensors(&estimator.sensors);
-    let start = reader.info().span.map_or(LogTime(0), |span| span.0);
     let name = path.display().to_string();
-    let mut recording = Recording::new(name, loaded.vehicle, sensors, start);
-    for message in reader.messages(Selection::topics(TOPICS)) {
+    recording_of(&reader, &TOPICS, name, &loaded.vehicle, &sensors)
+}
+
+/// Reads measurements of some topics, those of controllers, and the marks among the topics, of a log.
+pub(crate) fn recording_of<const N: usize>(
+    reader: &Reader,
+    topics: &[&str; N],
+    name: String,
+    vehicle: &Vehicle,
+    sensors: &Sensors,
+) -> Result<Recording> {
+    let start = reader.info().span.map_or(LogTime(0), |span| span.0);
+    let mut recording = Recording::new(name, vehicle.clone(), sensors.clone(), start);
+    for message in reader.messages(Selection::topics(*topics)) {
         let message = message?;
         match message.record()? {
             Some(Record::Sample(sample)) => {
@@ -50,12 +66,12 @@ pub fn read_recording(path: &Path) -> Result<Recording> {
             _ => {}
         }
     }
-    read_temperatures(&reader, &mut recording)?;
+    read_controls(reader, &mut recording)?;
     Ok(recording)
 }
 
-/// Reads the temperatures of the bridges, which are values of controllers.
-fn read_temperatures(reader: &Reader, recording: &mut Recording) -> Result<()> {
+/// Reads the temperatures of the bridges and the angles of the front wheels, which are values of controllers.
+fn read_controls(reader: &Reader, recording: &mut Recording) -> Result<()> {
     let channels = reader.info().channels;
     for topic in channels
         .keys()
@@ -65,10 +81,17 @@ fn read_temperatures(reader: &Reader, recording: &mut Recording) -> Result<()> {
         for column in &table.columns {
             let corner = column.name.strip_prefix("bridge_temperature_");
             let wheel = corner.and_then(Wheel::from_abbreviation);
-            if let (Some(wheel), Values::F64(values)) = (wheel, &column.values) {
-                for (time_ns, value) in table.publish_time_ns.iter().zip(values) {
-                    let time = LogTime(u64::try_from(*time_ns).unwrap_or_default());
-                    recording.push_temperature(time, wheel, *value);
+            let mut angles = ControlSample::WHEEL_ANGLE.iter();
+            let side = angles.position(|name| *name == column.name);
+            let Values::F64(values) = &column.values else {
+                continue;
+            };
+            for (time_ns, value) in table.publish_time_ns.iter().zip(values) {
+                let time = LogTime(u64::try_from(*time_ns).unwrap_or_default());
+                match (wheel, side) {
+                    (Some(wheel), _) => recording.push_temperature(time, wheel, *value),
+                    (None, Some(side)) => recording.push_wheel_angle(time, side, *value),
+                    (None, None) => break,
                 }
             }
         }

@@ -77,4 +77,6 @@ mod temperature_tests;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
+mod toe_tests;
+#[cfg(test)]
 mod unit_tests;

@@ -7,6 +7,7 @@ use estimator::Calibration;
 use estimator::calibration::{ChannelCalibration, HubCalibration, Resolved};
 use model::road::RoadClass;
 use model::sensors::Sensors;
+use model::steering::Toe;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel, StrainChannel, Wheel};
 use sim::{
@@ -97,7 +98,11 @@ impl VirtualDrive {
             .loaded(&drive.payload)
             .map_err(estimator::EstimatorError::from)?;
         let placed = loaded.sensors(&sensors);
-        let vehicle = loaded.vehicle;
+        let mut vehicle = loaded.vehicle;
+        if let Some(toe) = &drive.options.toe {
+            bend(&mut vehicle, toe, &drive.course)?;
+        }
+        let vehicle = vehicle;
         let (motion, name) = motion(drive, &vehicle)?;
         let motion = repeated(motion, drive.duration_s);
         let own_s = motion.duration_s();
@@ -118,7 +123,7 @@ impl VirtualDrive {
             );
         }
         Ok(Self {
-            true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
+            true_calibration: true_calibration(&truth, &sensors, &vehicle, options.toe.as_ref())?,
             vehicle,
             drive: name,
             vehicle_file,
@@ -397,6 +402,41 @@ fn motion(drive: &Drive, vehicle: &Vehicle) -> Result<(Motion, String)> {
     Ok((motion, name.clone()))
 }
 
+/// Gives a vehicle toe compliance and play of its front wheels.
+///
+/// # Errors
+/// Values that no steering gear has; a motion of a file, whose wheels stand as the file says.
+fn bend(vehicle: &mut Vehicle, toe: &Toe, course: &Course) -> Result<()> {
+    if let Course::Truth(path) = course {
+        return Err(Error::ToeOfTruth { path: path.clone() });
+    }
+    let limits = [
+        (
+            "toe.compliance_rad_n",
+            toe.compliance_rad_n,
+            -1e-3,
+            1e-3,
+            "-0.001 to 0.001 rad/N",
+        ),
+        ("toe.play_rad", toe.play_rad, 0.0, 0.5, "0 to 0.5 rad"),
+    ];
+    for (name, values, least, most, expected) in limits {
+        let mut values = values.into_iter();
+        if let Some(value) = values.find(|value| !(least..=most).contains(value)) {
+            let name = name.to_owned();
+            return Err(sim::SimError::BadParameter {
+                name,
+                value,
+                expected,
+            }
+            .into());
+        }
+    }
+    vehicle.steering.toe_compliance_rad_n = toe.compliance_rad_n;
+    vehicle.steering.toe_play_rad = toe.play_rad;
+    Ok(())
+}
+
 /// Reads the options of a virtual vehicle from a file.
 ///
 /// # Errors
@@ -417,6 +457,7 @@ fn true_calibration(
     name: &str,
     sensors: &Sensors,
     vehicle: &VirtualVehicle,
+    toe: Option<&Toe>,
 ) -> Result<Calibration> {
     let mut calibration = Calibration::nominal(name);
     let nominal = Resolved::new(sensors, &calibration)?;
@@ -456,6 +497,14 @@ fn true_calibration(
     let sum = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + b[i]);
     let (accel, gyro) = vehicle.imu_biases();
     calibration.steer.offset_rad = vehicle.steer_offset_rad();
+    if let Some([left, right]) = vehicle.wheel_angles() {
+        calibration.steer.wheel_angle_offset_rad = [left[0], right[0]];
+        calibration.steer.wheel_angle_gain = Some([left[1], right[1]]);
+    }
+    if let Some(toe) = toe {
+        calibration.steer.toe_compliance_rad_n = Some(toe.compliance_rad_n);
+        calibration.steer.toe_play_rad = Some(toe.play_rad);
+    }
     calibration.imu.accel_bias_m_s2 = accel;
     calibration.imu.gyro_bias_rad_s = gyro;
     calibration.imu.misalignment_rad = Some(sum(

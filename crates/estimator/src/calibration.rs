@@ -176,6 +176,22 @@ pub struct SteerCalibration {
     /// The same of the right front wheel.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub right_map_rad: Vec<[f64; 2]>,
+    /// What the sensors of the left and the right front wheel read with this wheel straight ahead, rad.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub wheel_angle_offset_rad: [f64; 2],
+    /// Angle of the wheel for one radian that its sensor reads beyond that; absent: 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wheel_angle_gain: Option<[f64; 2]>,
+    /// Toe compliance of the left and the right front wheel, rad/N; absent: the vehicle file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub toe_compliance_rad_n: Option<[f64; 2]>,
+    /// Play of the left and the right front wheel behind the rack, rad; absent: the vehicle file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub toe_play_rad: Option<[f64; 2]>,
+}
+
+fn is_zero(values: &[f64; 2]) -> bool {
+    *values == [0.0; 2]
 }
 
 /// Inertial unit.
@@ -256,6 +272,11 @@ impl Calibration {
                 .clone_from(&self.steer.right_map_rad);
             found.steering.lash_rad = self.steer.lash_rad;
         }
+        let steering = &mut found.steering;
+        let toe = &self.steer;
+        steering.toe_compliance_rad_n =
+            (toe.toe_compliance_rad_n).unwrap_or(steering.toe_compliance_rad_n);
+        steering.toe_play_rad = toe.toe_play_rad.unwrap_or(steering.toe_play_rad);
         found
     }
 

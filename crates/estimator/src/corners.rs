@@ -6,9 +6,10 @@ mod linkage;
 mod live_axle;
 mod steering_wheel;
 mod tilt;
+mod toe;
 mod travel;
 
-use model::steering::SteeringGear;
+use model::steering::{SteeringGear, Toe};
 use model::suspension::{
     BodyMotion, CornerPose, CornerStatics, GroundPlane, TyreFrame, ground_plane,
 };
@@ -28,6 +29,7 @@ use live_axle::AxleLinkage;
 pub use live_axle::LiveAxleState;
 use steering_wheel::SteeringWheel;
 use tilt::Tilt;
+use toe::{RackStep, ToeFilter};
 pub use travel::Travel;
 
 /// One corner at one instant.
@@ -177,6 +179,7 @@ pub struct Corners {
     steering_wheel: SteeringWheel,
     /// Filter with a longer memory for its rate and acceleration.
     turning: SteeringWheel,
+    toe: ToeFilter,
 }
 
 impl Corners {
@@ -248,6 +251,7 @@ impl Corners {
             gear: gear(vehicle, channels)?,
             steering_wheel: SteeringWheel::default(),
             turning: SteeringWheel::default(),
+            toe: ToeFilter::new(Toe::of(vehicle)),
         }))
     }
 
@@ -396,6 +400,20 @@ impl Corners {
                 _ => rack,
             };
             linkage.measure(now, dt, rack, compression, feedback.struts[i]);
+        }
+        let front = RackStep {
+            now,
+            fresh_s: self.fresh_s,
+            travel_m: rack,
+            correction_m: steering_offset_rad * self.rack_m_rad,
+            speed_m_s: rack_motion[0],
+        };
+        // An axle without hard-points has no rack: its wheels steer as its calibration says.
+        let sides = if self.gear.is_none() { 2 } else { 0 };
+        for (side, linkage) in self.linkages[..sides].iter_mut().enumerate() {
+            let reading = &mut readings.wheel_angle_rad[side];
+            let lateral_n = feedback.forces.0[side].force_n[1];
+            (self.toe).turn(side, linkage, front, reading, lateral_n, of_wheel);
         }
         self.place_axle();
         let load: [f64; 4] = std::array::from_fn(|i| {

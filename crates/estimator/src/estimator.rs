@@ -349,6 +349,10 @@ impl Estimator {
                     self.waiting
                         .push(stamp(time), Held::BridgeTemperature(temperatures_c));
                 }
+                if let Some(angles) = control.wheel_angles_rad().filter(|_| uses(Input::Steer)) {
+                    let angles = self.calibration.wheel_angles_rad(angles);
+                    self.waiting.push(stamp(time), Held::WheelAngles(angles));
+                }
                 if let Some(torques_n_m) = control.wheel_torques_n_m() {
                     self.waiting
                         .push(stamp(time), Held::WheelTorque(torques_n_m));
@@ -455,15 +459,20 @@ impl Estimator {
             && self.motion.attitude_age_s(time) < t.heading_silent_s
     }
 
-    /// Steer angle of each wheel: from the linkages, else the steering wheel's angle over the
-    /// steering ratio.
-    fn steer_angles(&self) -> [f64; 4] {
+    /// Steer angle of each wheel: from the linkages, else from sensors at the front wheels, else the steering
+    /// wheel's angle over the steering ratio.
+    fn steer_angles(&self, now: LogTime) -> [f64; 4] {
         if let Some(corners) = &self.corners {
             return std::array::from_fn(|i| corners.states()[i].pose.steer_rad());
         }
         let steering_wheel = self.readings.steering_wheel_rad.map_or(0.0, |r| r.value);
         let front = steering_wheel / self.vehicle.steering.ratio + self.feedback.steer_offset_rad;
-        [front, front, 0.0, 0.0]
+        let fresh_s = self.settings.tuning.fresh_s;
+        let [left, right] = self.readings.wheel_angle_rad.map(|held| {
+            let measured = held.and_then(|reading| reading.fresh(now, fresh_s));
+            measured.map_or(front, |angle| angle + self.feedback.steer_offset_rad)
+        });
+        [left, right, 0.0, 0.0]
     }
 }
 

@@ -22,6 +22,7 @@ pub mod roll_centre;
 pub mod roll_pitch;
 pub mod signals;
 pub mod slip;
+pub mod toe;
 pub mod tyre;
 pub mod understeer;
 

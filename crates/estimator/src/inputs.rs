@@ -146,6 +146,8 @@ pub struct Readings {
     pub corners: PerWheel<CornerReadings>,
     /// Steering-wheel angle, left positive, rad.
     pub steering_wheel_rad: Option<Reading>,
+    /// Measured steer angle of the left and the right front wheel against the chassis, left positive, rad.
+    pub wheel_angle_rad: [Option<Reading>; 2],
     /// Specific force along the axes of each hub accelerometer, sensor axes, biases removed, m/s^2.
     /// [`HubSensor`](crate::calibration::HubSensor) has the axes' directions.
     pub hub_acceleration_m_s2: PerWheel<[Option<Reading>; 3]>,
@@ -313,6 +315,13 @@ impl Readings {
             gather(slot, stamp, axes[axis]);
         }
         axes
+    }
+
+    /// Takes steer angles of the front wheels, calibration applied, rad; `NaN` where there is none.
+    pub fn push_wheel_angles(&mut self, time: LogTime, angles_rad: &[f64; 2]) {
+        for (held, angle) in self.wheel_angle_rad.iter_mut().zip(angles_rad) {
+            replace(held, time.into(), (angle.abs() < 1.5).then_some(*angle));
+        }
     }
 
     /// Takes a steering-wheel angle.

@@ -36,6 +36,8 @@ pub enum Held {
     Corner(CornerSample),
     /// Steering-wheel angle, rad.
     SteeringWheel(f64),
+    /// Steer angles of the left and the right front wheel, rad; `NaN` where there is none.
+    WheelAngles([f64; 2]),
     /// Wheel speeds, rad/s.
     WheelSpeed(PerWheel<Option<f64>>),
     /// Readings of a wheel's hub accelerometer.
@@ -79,6 +81,7 @@ impl Entry {
             Held::HitchForce(_) => 13,
             Held::WheelTorque(_) => 14,
             Held::BridgeTemperature(_) => 15,
+            Held::WheelAngles(_) => 16,
         }
     }
 
@@ -104,6 +107,7 @@ impl Entry {
             Held::HitchForce(force) => digest(*force),
             Held::WheelTorque(torques) => digest(torques.iter().flatten().copied()),
             Held::BridgeTemperature(temperatures) => digest(*temperatures),
+            Held::WheelAngles(angles) => digest(*angles),
             Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
             Held::HubAcceleration(hub) => {
                 let axes = hub.specific_force_m_s2;

@@ -45,6 +45,9 @@ pub struct Sensors {
     /// (thesis, section 5.2.5). A file has one of both tables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steer_potentiometers: Option<Potentiometers>,
+    /// Sensors of the angle of each front wheel's upright against the chassis, if there are some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wheel_angles: Option<WheelAngles>,
     /// Accelerometers on the uprights, where there are some.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hub_acceleration: Option<HubAcceleration>,
@@ -417,6 +420,22 @@ pub struct Steer {
     pub rate_hz: f64,
     /// Standard deviation, rad.
     pub noise_rad: f64,
+}
+
+/// Sensors of the steer angle of both front wheels: the angle of the upright against the chassis, left
+/// positive (thesis, section 5.2.5).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WheelAngles {
+    /// Messages a second.
+    pub rate_hz: f64,
+    /// Standard deviation, rad.
+    pub noise_rad: f64,
+    /// Largest error of each sensor's zero before a calibration, rad (uniform within plus and minus).
+    pub zero_error_rad: f64,
+    /// Largest error of each sensor's gain before a calibration, part of it (uniform within plus and
+    /// minus).
+    pub gain_error_fraction: f64,
 }
 
 /// Accelerometers on the uprights (wheel carriers), one at each wheel.

@@ -5,8 +5,10 @@
 //! hard-points gives exact angles, and play, roll steer and Ackermann's geometry are modelled.
 
 mod map;
+mod toe;
 
 pub use map::MonotoneMap;
+pub use toe::{TOE_PLAY_FORCE_N, Toe};
 
 use sample::Wheel;
 

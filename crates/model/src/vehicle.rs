@@ -423,6 +423,13 @@ pub struct Steering {
     /// Road-wheel steer per roll angle (front, rear).
     #[serde(default)]
     pub roll_steer: [f64; 2],
+    /// Toe compliance of the left and the right front wheel: angle by which the wheel yields to one
+    /// newton of its lateral force, rad/N. Positive: a force to the left turns the wheel to the right.
+    #[serde(default)]
+    pub toe_compliance_rad_n: [f64; 2],
+    /// Play of the left and the right front wheel behind the rack, rad, from one contact to the other.
+    #[serde(default)]
+    pub toe_play_rad: [f64; 2],
 }
 
 /// Drive and brake torque.

@@ -77,6 +77,7 @@ pub fn calibrate_steer<'py>(
         .into_iter()
         .zip(wheels)
         .map(|(steering_wheel_rad, wheels_rad)| PlateReading {
+            sensors_rad: [None; 2],
             steering_wheel_rad,
             wheels_rad,
         })

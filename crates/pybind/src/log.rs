@@ -351,6 +351,9 @@ impl LogReader {
             },
             identification::Method::Friction,
             identification::Method::Slip,
+            identification::Method::Camber,
+            identification::Method::Aligning,
+            identification::Method::Toe,
         ];
         let known = methods.each_ref().map(identification::Method::title);
         let method = methods.into_iter().find(|method| method.title() == kind);
@@ -363,7 +366,7 @@ impl LogReader {
         let reader = Arc::clone(&self.reader);
         let found = interrupt::detached(py, move || {
             let window = Window { from_s, to_s: None };
-            let drive = read_drive(&reader, None, window, method.what(), method.senses());
+            let drive = read_drive(&reader, None, window, &method);
             let drive = drive.map_err(|error| errors::engine(&error))?;
             let found = method.identify(&drive, seed);
             found.map_err(|error| findings::estimator(&error))

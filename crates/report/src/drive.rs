@@ -124,6 +124,8 @@ enum Sink {
     Ground,
     Rollover,
     Sensor,
+    /// Values of controllers, of which the angles of the front wheels are drawn.
+    Control,
 }
 
 impl Drive {
@@ -269,6 +271,8 @@ impl Drive {
             SENSORS.iter().any(|beginning| topic.starts_with(beginning)) && is_protobuf(topic)
         });
         sinks.extend(sensors.map(|topic| (topic.clone(), Sink::Sensor)));
+        let controls = info.channels.keys().filter(|t| t.starts_with("/control/"));
+        sinks.extend(controls.map(|topic| (topic.clone(), Sink::Control)));
         sinks.retain(|(topic, _)| has(topic) && is_protobuf(&topic));
         sinks
     }
@@ -309,7 +313,7 @@ impl Drive {
                 Sink::Sensor if is_travel_topic(topic) => {
                     self.travel_rows += self.rows(topic, info).div_ceil(WHEELS.len());
                 }
-                Sink::Sensor => {}
+                Sink::Sensor | Sink::Control => {}
             }
         }
     }
@@ -352,6 +356,7 @@ impl Drive {
                 let is_ratio = |name: &str| name.contains("ratio");
                 self.rollover.extend(&table, start_ns, is_ratio);
             }
+            Sink::Control => self.take_sensor(topic, &table),
             Sink::Sensor => {
                 let mut table = table;
                 let origin = self.origins.entry(topic.clone()).or_default();

@@ -4,6 +4,7 @@ mod curves;
 mod diagrams;
 mod limits;
 mod sensors;
+mod steer;
 mod terrain;
 mod vehicle;
 

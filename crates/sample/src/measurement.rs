@@ -395,6 +395,9 @@ impl ControlSample {
     /// Names of the force of a load on the hitch: forward, left and up on the vehicle, N.
     pub const HITCH_FORCE: [&'static str; 3] = ["hitch_force_x", "hitch_force_y", "hitch_force_z"];
 
+    /// Names of the steer angles of the front wheels, left and right.
+    pub const WHEEL_ANGLE: [&'static str; 2] = ["wheel_angle_FL", "wheel_angle_FR"];
+
     /// Force of a load on the hitch, vehicle axes, N; an axis without a value is zero. `None` where no axis has a
     /// finite value in N.
     #[must_use]
@@ -424,6 +427,20 @@ impl ControlSample {
         }
         let any = temperatures.iter().any(|value| value.is_finite());
         any.then_some(temperatures)
+    }
+
+    /// Steer angle of the left and the right front wheel against the chassis, left positive, rad: values with
+    /// the names `wheel_angle_FL` and `wheel_angle_FR` and the unit rad. `NaN` where a wheel has no value; `None`
+    /// where none has one.
+    #[must_use]
+    pub fn wheel_angles_rad(&self) -> Option<[f64; 2]> {
+        let angles = Self::WHEEL_ANGLE.map(|wanted| {
+            let mut all = self.values.iter();
+            let found = all.find(|signal| &*signal.name == wanted && &*signal.unit == "rad");
+            found.map_or(f64::NAN, |signal| signal.value)
+        });
+        let any = angles.iter().any(|angle| angle.is_finite());
+        any.then_some(angles)
     }
 
     /// Drive and brake torque of each wheel about its spindle, N m: values with the names `drive_torque_FL` and

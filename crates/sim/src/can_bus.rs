@@ -11,6 +11,7 @@ use crate::hidden::Hidden;
 use crate::hub::HubAccelerometer;
 use crate::random::Noise;
 use crate::steering::{ENCODER_FRAME, RODS_FRAME, RODS_FRAME_BYTES, SteeringSensor};
+use crate::wheel_angles::{WHEEL_ANGLES_BYTES, WHEEL_ANGLES_FRAME, WheelAngleSensors};
 use crate::{Motion, Options, SimError};
 
 /// Strain boxes by corner (thesis Table 3.2; its second "rear left" is the rear right).
@@ -40,6 +41,7 @@ pub(crate) struct CanBus {
     bit_time_s: f64,
     boxes: Ticker,
     steering: Option<SteeringSensor>,
+    wheel_angles: Option<WheelAngleSensors>,
     wheel_speed: Ticker,
     /// Converter instants of the potentiometers.
     deflection: Ticker,
@@ -113,6 +115,7 @@ impl CanBus {
             boxes: Ticker::new("strain.rate_hz", sensors.strain.rate_hz)?,
             deflection: Ticker::new("deflection.rate_hz", sensors.deflection.rate_hz)?,
             steering: SteeringSensor::new(vehicle, sensors, hidden, seed)?,
+            wheel_angles: WheelAngleSensors::new(sensors, seed)?,
             wheel_speed: Ticker::new("wheel_speed.rate_hz", sensors.wheel_speed.rate_hz)?,
             free_at_s: 0.0,
             end_s: motion.duration_s(),
@@ -131,6 +134,12 @@ impl CanBus {
         sensor.map_or(0.0, SteeringSensor::offset_rad)
     }
 
+    /// Zero, rad, and gain of each sensor of a front wheel's angle, where there are some.
+    pub(crate) fn wheel_angles(&self) -> Option<[[f64; 2]; 2]> {
+        let sensors = self.wheel_angles.as_ref();
+        sensors.map(WheelAngleSensors::calibration)
+    }
+
     /// Counts at zero of each corner's channels.
     pub(crate) fn zeros(&self) -> [([Option<f64>; StrainChannel::COUNT], f64); 4] {
         std::array::from_fn(|i| self.corners[i].zeros())
@@ -144,6 +153,7 @@ impl CanBus {
             .chain(hubs)
             .map(Ticker::next_s)
             .chain(self.steering.as_ref().map(SteeringSensor::next_s))
+            .chain(self.wheel_angles.as_ref().map(WheelAngleSensors::next_s))
             .fold(f64::INFINITY, f64::min);
         if time_s > self.end_s {
             return Vec::new();
@@ -167,6 +177,8 @@ impl CanBus {
         }
         let steering = self.steering.as_mut();
         frames.extend(steering.and_then(|sensor| sensor.frame(&state)));
+        let angles = self.wheel_angles.as_mut();
+        frames.extend(angles.and_then(|sensors| sensors.frame(&state)));
         if self.wheel_speed.due(time_s) {
             let (noise, sigma) = (&mut self.noise_wheel_speed, self.wheel_noise_fraction);
             let speeds = state
@@ -224,6 +236,9 @@ pub fn frame_latencies_s(sensors: &Sensors, options: &Options) -> Vec<(u32, f64)
         frames.push((ENCODER_FRAME, 8));
     } else if sensors.steer_potentiometers.is_some() {
         frames.push((RODS_FRAME, RODS_FRAME_BYTES));
+    }
+    if sensors.wheel_angles.is_some() {
+        frames.push((WHEEL_ANGLES_FRAME, WHEEL_ANGLES_BYTES));
     }
     frames.push((WHEEL_SPEED_FRAME, 8));
     if sensors.hub_acceleration.is_some() {

@@ -6,6 +6,7 @@ mod fourteen_dof;
 mod pedals;
 pub(crate) mod rough;
 
+use model::steering::Toe;
 use model::suspension::Corner;
 use model::vehicle::{Steering, Vehicle};
 use sample::Wheel;
@@ -26,6 +27,8 @@ const STEERING_WHEEL_MAX_RAD: f64 = 3.5;
 const STEERING_WHEEL_RATE_RAD_S: f64 = 8.0;
 /// Path control: steering-wheel rate for an error of curvature, rad/s per 1/m.
 const CURVATURE_INTEGRAL: f64 = 100.0;
+/// How fast a front wheel follows the force that bends its steering links, rad/s.
+const YIELD_RAD_S: f64 = 100.0;
 /// What the driver intends.
 pub(crate) struct Plan {
     /// How long, s.
@@ -65,6 +68,9 @@ struct Drive<'a> {
     vehicle: &'a Vehicle,
     car: Car,
     gear: SteeringGear,
+    toe: Toe,
+    /// Steer angle of the front wheels by toe compliance and play, rad.
+    yielded_rad: [f64; 2],
     steering_wheel_rad: f64,
     pedals: Pedals,
 }
@@ -80,6 +86,8 @@ pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<(Vec<TruthState>, 
         vehicle,
         car: Car::new(vehicle, plan.start_speed_m_s)?,
         gear: SteeringGear::new(vehicle),
+        toe: Toe::of(vehicle),
+        yielded_rad: [0.0; 2],
         steering_wheel_rad: 0.0,
         pedals: Pedals::default(),
     };
@@ -105,6 +113,7 @@ pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<(Vec<TruthState>, 
             states.push(state);
         }
         drive.car.advance(&commands, STEP_S);
+        drive.give_way(&commands);
     }
     fill_missing(&mut states);
     Ok((states, tips_over))
@@ -121,6 +130,10 @@ impl Drive<'_> {
         self.steer(time_s);
         let struts = self.car.strut_lengths_m();
         commands.steer_rad = self.gear.road_wheels_rad(self.steering_wheel_rad, struts);
+        if !self.toe.is_rigid() {
+            let turned = (self.gear).turned(self.steering_wheel_rad, struts, self.yielded_rad);
+            (commands.steer_rad, commands.rod_shift_m) = turned;
+        }
         let wanted = [time_s, time_s + STEP_S].map(self.plan.speed_m_s);
         [commands.drive_n_m, commands.brake_n_m] = self.pedals.torques(
             self.vehicle,
@@ -135,6 +148,18 @@ impl Drive<'_> {
             }
         }
         commands
+    }
+
+    /// Lets the front wheels follow their lateral forces.
+    fn give_way(&mut self, commands: &Commands) {
+        if self.toe.is_rigid() {
+            return;
+        }
+        let wheels = self.car.truth(commands).wheels.0;
+        for (side, yielded) in self.yielded_rad.iter_mut().enumerate() {
+            let target = self.toe.angle_rad(side, wheels[side].force_n[1]);
+            *yielded += (1.0 - math::exp(-YIELD_RAD_S * STEP_S)) * (target - *yielded);
+        }
     }
 
     fn steer(&mut self, time_s: f64) {
@@ -201,6 +226,40 @@ impl SteeringGear {
         }
     }
 
+    /// Steer angle of each road wheel, rad, whose front wheels have yielded by an angle, and the displacement of the
+    /// inner ends of the tie rods beside the rack that has the same effect, m.
+    fn turned(
+        &self,
+        steering_wheel_rad: f64,
+        strut_lengths_m: Option<[f64; 4]>,
+        yielded_rad: [f64; 2],
+    ) -> ([f64; 4], [f64; 4]) {
+        let mut steer_rad = self.road_wheels_rad(steering_wheel_rad, strut_lengths_m);
+        let mut shift_m = [0.0; 4];
+        for (side, angle) in yielded_rad.into_iter().enumerate() {
+            let Self::Rack {
+                corners,
+                rack_m_rad,
+            } = self
+            else {
+                steer_rad[side] += angle;
+                continue;
+            };
+            let corner = &corners[side];
+            let length_m = strut_lengths_m
+                .map_or_else(|| corner.design_strut_length_m(), |lengths| lengths[side]);
+            let rack_m = rack_m_rad * steering_wheel_rad;
+            let Some(shift) = rod_shift_m(corner, length_m, rack_m, angle) else {
+                continue;
+            };
+            if let Ok(pose) = corner.pose(length_m, rack_m + shift) {
+                steer_rad[side] = pose.steer_rad();
+                shift_m[side] = shift;
+            }
+        }
+        (steer_rad, shift_m)
+    }
+
     /// Steer angle of each road wheel, with what springing in adds where strut lengths are known;
     /// else, or where a strut is out of the linkage's reach, in the design position.
     fn road_wheels_rad(
@@ -238,6 +297,19 @@ impl SteeringGear {
             }
         }
     }
+}
+
+/// Displacement of the inner end of a tie rod beside the rack that turns a wheel by an angle, m; `None` where the
+/// linkage does not reach.
+pub(crate) fn rod_shift_m(
+    corner: &Corner,
+    length_m: f64,
+    rack_m: f64,
+    angle_rad: f64,
+) -> Option<f64> {
+    let pose = corner.pose(length_m, rack_m).ok()?;
+    let per_rack = corner.rates(&pose).rack.rotation.z;
+    (per_rack != 0.0).then(|| angle_rad / per_rack)
 }
 
 /// Linear interpolation in an ascending map, straight on beyond its ends; `None` if it has fewer

@@ -37,6 +37,7 @@ mod steering;
 mod truth;
 mod truth_params;
 mod virtual_vehicle;
+mod wheel_angles;
 mod workshop;
 
 pub use {model, sample};

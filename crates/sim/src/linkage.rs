@@ -202,7 +202,7 @@ impl Linkage {
     ) -> Result<(Matrix3<f64>, Vector3<f64>), SimError> {
         let corner = &self.corners[wheel];
         let length_m = state.wheels[wheel].strut_length_m;
-        let rack_m = corner.rack_m_rad * state.steering_wheel_rad;
+        let rack_m = corner.rack_m(state, wheel);
         let pose = (corner.corner.pose(length_m, rack_m))
             .map_err(|cause| linkage_error(state, wheel, cause))?;
         let up_m = Vector3::new(0.0, 0.0, self.cg_height_m);
@@ -268,7 +268,7 @@ impl Linkage {
         let mut poses = Vec::with_capacity(Wheel::ALL.len());
         for wheel in Wheel::ALL {
             let corner = &self.corners[wheel];
-            let rack_m = corner.rack_m_rad * state.steering_wheel_rad;
+            let rack_m = corner.rack_m(state, wheel);
             let length_m = state.wheels[wheel].strut_length_m;
             let pose = corner.corner.pose(length_m, rack_m);
             poses.push(pose.map_err(|cause| linkage_error(state, wheel, cause))?);
@@ -371,9 +371,7 @@ impl Linkage {
     ) -> Result<Stance, SuspensionError> {
         let corner = &self.corners[wheel];
         let truth = &state.wheels[wheel];
-        let pose = corner
-            .corner
-            .pose(length_m, corner.rack_m_rad * state.steering_wheel_rad)?;
+        let pose = corner.corner.pose(length_m, corner.rack_m(state, wheel))?;
         // The ground is level where the motion does not tell its normal.
         let normal = truth
             .ground
@@ -512,6 +510,11 @@ impl LinkedCorner {
                 }
             }
         }
+    }
+
+    /// Travel of the inner end of the tie rod, m.
+    fn rack_m(&self, state: &TruthState, wheel: Wheel) -> f64 {
+        self.rack_m_rad * state.steering_wheel_rad + state.wheels[wheel].rod_shift_m
     }
 
     /// Acceleration of the wheel centre without gravity, vehicle axes, where the motion tells it or

@@ -7,6 +7,7 @@ use model::sensors::Sensors;
 use crate::can_bus::{HUB_FRAME_BYTES, frame_bits};
 use crate::emission::Port;
 use crate::steering::RODS_FRAME_BYTES;
+use crate::wheel_angles::WHEEL_ANGLES_BYTES;
 use crate::{Options, SeptentrioBlocks, SimError, VelocityReceiver};
 
 /// Greatest part of a CAN bus's bit rate that is used: beyond it, frames of low priority wait for
@@ -197,6 +198,10 @@ fn can_load(sensors: &Sensors, options: &Options) -> PortLoad {
     } else if let Some(pots) = &sensors.steer_potentiometers {
         let field = "steer_potentiometers.rate_hz";
         parts.push(part(field, 1.0, pots.rate_hz, RODS_FRAME_BYTES));
+    }
+    if let Some(angles) = &sensors.wheel_angles {
+        let field = "wheel_angles.rate_hz";
+        parts.push(part(field, 1.0, angles.rate_hz, WHEEL_ANGLES_BYTES));
     }
     let wheel_hz = sensors.wheel_speed.rate_hz;
     parts.push(part("wheel_speed.rate_hz", 1.0, wheel_hz, 8));

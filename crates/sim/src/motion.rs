@@ -61,6 +61,9 @@ pub struct WheelTruth {
     pub angular_speed_rad_s: f64,
     /// Steer angle of the wheel, left positive, rad.
     pub steer_rad: f64,
+    /// Displacement of the inner end of the tie rod beside the rack's, by toe compliance and play, m, left
+    /// positive.
+    pub rod_shift_m: f64,
     /// Tyre slip angle, rad.
     pub slip_angle_rad: f64,
     /// Longitudinal slip; `NaN` where the motion does not tell it.
@@ -95,6 +98,7 @@ impl Default for WheelTruth {
             moment_n_m: [f64::NAN; 3],
             angular_speed_rad_s: f64::NAN,
             steer_rad: f64::NAN,
+            rod_shift_m: 0.0,
             slip_angle_rad: f64::NAN,
             longitudinal_slip: f64::NAN,
             friction: f64::NAN,
@@ -277,6 +281,7 @@ impl WheelTruth {
             moment_n_m: mix(&a.moment_n_m, &b.moment_n_m, weight),
             angular_speed_rad_s: l(a.angular_speed_rad_s, b.angular_speed_rad_s),
             steer_rad: l(a.steer_rad, b.steer_rad),
+            rod_shift_m: l(a.rod_shift_m, b.rod_shift_m),
             slip_angle_rad: l(a.slip_angle_rad, b.slip_angle_rad),
             longitudinal_slip: l(a.longitudinal_slip, b.longitudinal_slip),
             friction: l(a.friction, b.friction),

@@ -1,4 +1,5 @@
 use model::sensors::Sensors;
+use model::steering::Toe;
 use serde::{Deserialize, Serialize};
 
 use crate::{Faults, HiddenErrors};
@@ -40,6 +41,8 @@ pub struct Options {
     pub imu_clock_ppm: f64,
     /// Correlation time of the position error, s.
     pub position_correlation_s: f64,
+    /// Toe compliance and play of the front wheels, instead of those of the vehicle file.
+    pub toe: Option<Toe>,
     /// Errors of sensors and mounting that no file tells.
     pub hidden: HiddenErrors,
     /// What goes wrong on purpose.
@@ -65,6 +68,7 @@ impl Default for Options {
             gnss_jitter_s: 0.002,
             imu_clock_ppm: 12.0,
             position_correlation_s: 60.0,
+            toe: None,
             hidden: HiddenErrors::default(),
             faults: Faults::default(),
         }

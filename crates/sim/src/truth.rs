@@ -352,6 +352,7 @@ fn states(columns: &Columns) -> Vec<TruthState> {
 fn wheel_truth(wheel: Wheel, whole: impl Fn(&str) -> f64) -> WheelTruth {
     let get = |name: &str| whole(&format!("{}_{name}", wheel.abbreviation()));
     WheelTruth {
+        rod_shift_m: 0.0,
         force_n: ["Fx[N]", "Fy[N]", "Fz[N]"].map(get),
         moment_n_m: ["Mx[Nm]", "My[Nm]", "Mz[Nm]"].map(get),
         angular_speed_rad_s: get("omega[rad/s]"),

@@ -248,6 +248,8 @@ impl Params {
                 left_map_rad: Vec::new(),
                 right_map_rad: Vec::new(),
                 roll_steer: [0.0; 2],
+                toe_compliance_rad_n: [0.0; 2],
+                toe_play_rad: [0.0; 2],
             },
             drivetrain: Drivetrain {
                 drive_split_front: 0.0,

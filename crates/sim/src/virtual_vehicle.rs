@@ -124,6 +124,13 @@ impl VirtualVehicle {
         self.can.steer_offset_rad()
     }
 
+    /// Zero, rad, and gain of the sensors of the left and the right front wheel's angle in this run: angle =
+    /// gain (reading - zero). `None` without such sensors.
+    #[must_use]
+    pub fn wheel_angles(&self) -> Option<[[f64; 2]; 2]> {
+        self.can.wheel_angles()
+    }
+
     /// What each corner's converters give at zero in this run: each strain channel that there is
     /// without load, the potentiometer at the design length.
     #[must_use]

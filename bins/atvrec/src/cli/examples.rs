@@ -1,7 +1,7 @@
 //! Examples of all commands, for the manual pages.
 
 /// A command line, and what it does. A page has the examples that begin with its command.
-pub const EXAMPLES: [(&str, &str); 89] = [
+pub const EXAMPLES: [(&str, &str); 90] = [
     (
         "atvrec init",
         "find the devices, ask for the rest, write the files into this directory",
@@ -190,6 +190,10 @@ pub const EXAMPLES: [(&str, &str); 89] = [
     (
         "atvrec identify aligning sine.mcap",
         "pneumatic trail of the tyres, from turns to both sides",
+    ),
+    (
+        "atvrec identify toe turns.mcap -o toe.toml",
+        "toe compliance and play of the front wheels, from sensors of their angles",
     ),
     (
         "atvrec identify roll-centre prowler",

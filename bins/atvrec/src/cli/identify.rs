@@ -44,6 +44,11 @@ pub enum IdentifyCommand {
     Camber(IdentifyArgs),
     /// Pneumatic trail and aligning moment of the tyres (turns to both sides).
     Aligning(IdentifyArgs),
+    /// Toe compliance and play of the front wheels (turns to both sides, with sensors of the wheels' angles).
+    ///
+    /// The roles steer_left and steer_right are the measured angles. Their difference from the angles that steering
+    /// wheel and linkage give is compared with the lateral forces.
+    Toe(IdentifyArgs),
     /// Tyre parameters, yaw inertia, gains and offsets for a car without suspension sensors.
     ///
     /// The result is for the estimate of the sideslip angle.

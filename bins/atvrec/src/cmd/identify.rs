@@ -62,6 +62,7 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
         IdentifyCommand::Slip(args) => (in_drive(args, &Method::Slip)?, &args.output),
         IdentifyCommand::Camber(args) => (in_drive(args, &Method::Camber)?, &args.output),
         IdentifyCommand::Aligning(args) => (in_drive(args, &Method::Aligning)?, &args.output),
+        IdentifyCommand::Toe(args) => (in_drive(args, &Method::Toe)?, &args.output),
         IdentifyCommand::Handling(args) => return handling::run(args),
         IdentifyCommand::Latency(args) => return latency::run(args),
         IdentifyCommand::Mistakes(args) => return mistakes::run(args),
@@ -75,7 +76,7 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
 fn in_drive(args: &IdentifyArgs, method: &Method) -> anyhow::Result<Found> {
     let reader = Reader::open(&args.logs)?;
     let given = args.vehicle.as_deref().map(vehicle_file).transpose()?;
-    let recorded = read_drive(&reader, given, window(args), method.what(), method.senses())?;
+    let recorded = read_drive(&reader, given, window(args), method)?;
     Ok(Found {
         title: method.title(),
         vehicle: recorded.vehicle.name.clone(),
@@ -101,13 +102,7 @@ fn tyres(args: &TyreArgs) -> anyhow::Result<Found> {
     } else {
         let reader = Reader::open(std::slice::from_ref(other))?;
         // The other drive can be of a vehicle file that differs in its tyres.
-        let recorded = read_drive(
-            &reader,
-            None,
-            window(&args.shared),
-            method.what(),
-            method.senses(),
-        )?;
+        let recorded = read_drive(&reader, None, window(&args.shared), &method)?;
         let identified = method.identify(&recorded, args.shared.seed);
         identified
             .with_context(|| format!("cannot use {shown}"))?

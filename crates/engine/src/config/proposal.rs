@@ -33,7 +33,7 @@ struct Row {
 const ON_A_WHEEL: &[&str] = &["wheel", "whl", "hub", "fl", "fr", "rl", "rr", "engine"];
 
 /// The roles. A signal gets the first role that its name fits.
-const ROWS: [Row; 10] = [
+const ROWS: [Row; 11] = [
     Row {
         role: "steer_{side}",
         sure: &[
@@ -59,6 +59,14 @@ const ROWS: [Row; 10] = [
         ],
         hint: &[&["steer"], &["steering"], &["sas"]],
         without: &["speed", "rate", "velocity", "rod", "rack", "road", "force"],
+    },
+    Row {
+        role: "wheel_angle.{wheel}",
+        sure: &[&["wheel", "angle"], &["wheel", "angles"]],
+        hint: &[],
+        without: &[
+            "hand", "steer", "steering", "speed", "rate", "rl", "rr", "rear",
+        ],
     },
     Row {
         role: "hitch_force.{axis}",

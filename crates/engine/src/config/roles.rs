@@ -68,6 +68,8 @@ pub enum WheelRate {
 /// A value of `/control/<source>`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ControlValue {
+    /// Steer angle of a front wheel against the chassis, left positive.
+    WheelAngle(Side),
     /// Axis of the force of a load on the hitch, 0 to 2.
     HitchForce(usize),
     /// Drive torque of a wheel.
@@ -90,6 +92,7 @@ impl ControlValue {
     pub fn name(self) -> String {
         let of = |kind: &str, wheel: Wheel| format!("{kind}_{}", wheel.abbreviation());
         match self {
+            Self::WheelAngle(side) => ControlSample::WHEEL_ANGLE[side as usize].to_owned(),
             Self::HitchForce(axis) => ControlSample::HITCH_FORCE[axis].to_owned(),
             Self::DriveTorque(wheel) => of("drive_torque", wheel),
             Self::BrakeTorque(wheel) => of("brake_torque", wheel),
@@ -104,6 +107,7 @@ impl ControlValue {
     #[must_use]
     pub const fn unit(self) -> &'static str {
         match self {
+            Self::WheelAngle(_) => "rad",
             Self::HitchForce(_) => "N",
             Self::DriveTorque(_) | Self::BrakeTorque(_) | Self::EngineTorque => "N m",
             Self::BrakePressure(_) => "Pa",
@@ -114,6 +118,7 @@ impl ControlValue {
 
     const fn dimension(self) -> Dimension {
         match self {
+            Self::WheelAngle(_) => Dimension::Angle,
             Self::HitchForce(_) => Dimension::Force,
             Self::DriveTorque(_) | Self::BrakeTorque(_) | Self::EngineTorque => Dimension::Moment,
             Self::BrakePressure(_) => Dimension::Pressure,
@@ -159,6 +164,14 @@ pub fn read(
 
 const TRAVEL: [Dimension; 3] = [Dimension::Counts, Dimension::Voltage, Dimension::Length];
 
+/// Units of `steer_left` and `steer_right`: a travel along a tie rod, or the angle of a wheel.
+const STEER_SIDE: [Dimension; 4] = [
+    Dimension::Angle,
+    Dimension::Counts,
+    Dimension::Voltage,
+    Dimension::Length,
+];
+
 fn travel(dimension: Dimension, factor: f64) -> Travel {
     match dimension {
         Dimension::Voltage => Travel::Voltage(factor),
@@ -180,17 +193,34 @@ fn read_steering(
     };
     finder.add(field, "steer", default, collector, &wanted);
     for side in Side::ALL {
-        let (key, default) = match side {
+        let (key, rod) = match side {
             Side::Left => ("steer_left", "SteerRods.left"),
             Side::Right => ("steer_right", "SteerRods.right"),
         };
         let field = section.optional::<String>(key, collector);
         let wanted = Wanted {
-            dimensions: &TRAVEL,
-            role: &|dimension, factor| Role::SteerRod(side, travel(dimension, factor)),
+            dimensions: &STEER_SIDE,
+            role: &|dimension, factor| match dimension {
+                Dimension::Angle => Role::Control(ControlValue::WheelAngle(side), factor),
+                _ => Role::SteerRod(side, travel(dimension, factor)),
+            },
         };
-        finder.add(field, key, Some(default), collector, &wanted);
+        finder.add(field, key, Some(rod), collector, &wanted);
     }
+    let mut angles = section.section("wheel_angle", collector);
+    for (side, corner) in Side::ALL.into_iter().zip(["FL", "FR"]) {
+        let field = angles.optional::<String>(corner, collector);
+        let wanted = Wanted {
+            dimensions: &[Dimension::Angle],
+            role: &|_, factor| Role::Control(ControlValue::WheelAngle(side), factor),
+        };
+        let (key, default) = (
+            format!("wheel_angle.{corner}"),
+            format!("WheelAngles.{corner}"),
+        );
+        finder.add(field, &key, Some(&default), collector, &wanted);
+    }
+    angles.finish(collector);
     let field = section.optional::<String>("rack", collector);
     let wanted = Wanted {
         dimensions: &[Dimension::Length],

@@ -35,6 +35,26 @@ impl Column {
         }
     }
 
+    /// Replaces each value by another, in order.
+    pub(crate) fn map(&mut self, mut of: impl FnMut(f64) -> f64) {
+        for value in &mut self.value {
+            *value = of(*value);
+        }
+    }
+
+    /// Value at a time on the line between the readings beside it; `None` in a gap of more than `gap_s`.
+    pub(crate) fn at(&self, time_s: f64, gap_s: f64) -> Option<f64> {
+        let after = self.time_s.partition_point(|&known_s| known_s < time_s);
+        let (to_s, to) = (*self.time_s.get(after)?, *self.value.get(after)?);
+        if to_s == time_s {
+            return Some(to);
+        }
+        let before = after.checked_sub(1)?;
+        let (from_s, from) = (self.time_s[before], self.value[before]);
+        let part = (time_s - from_s) / (to_s - from_s);
+        (to_s - from_s <= gap_s).then_some(from + part * (to - from))
+    }
+
     /// Value at or after a time.
     fn near(&self, time_s: f64) -> Option<f64> {
         let next = self.time_s.partition_point(|&known_s| known_s < time_s);
@@ -115,6 +135,8 @@ pub struct Recording {
     pub temperature_c: PerWheel<Column>,
     /// Measured steering-wheel angle, rad.
     pub steer: Column,
+    /// Readings of the sensors of the left and the right front wheel's angle before calibration, rad.
+    pub wheel_angle: [Column; 2],
     /// First inertial unit.
     pub imu: ImuColumns,
     imu_source: Option<String>,
@@ -141,6 +163,7 @@ impl Recording {
             wheel_speed: PerWheel::default(),
             temperature_c: PerWheel::default(),
             steer: Column::default(),
+            wheel_angle: <[Column; 2]>::default(),
             imu: ImuColumns::default(),
             imu_source: None,
             velocity: BTreeMap::new(),
@@ -153,6 +176,13 @@ impl Recording {
     pub fn push_temperature(&mut self, time: LogTime, wheel: Wheel, temperature_c: f64) {
         if temperature_c.is_finite() {
             self.temperature_c[wheel].push(time.seconds_since(self.start), temperature_c);
+        }
+    }
+
+    /// Takes a reading of the sensor of the left (0) or the right (1) front wheel's angle, rad.
+    pub fn push_wheel_angle(&mut self, time: LogTime, side: usize, angle_rad: f64) {
+        if angle_rad.is_finite() {
+            self.wheel_angle[side].push(time.seconds_since(self.start), angle_rad);
         }
     }
 
@@ -217,6 +247,10 @@ impl Recording {
                 column.push(time_s, angles);
             }
             Measurement::Control(control) => {
+                let angles_rad = control.wheel_angles_rad().unwrap_or([f64::NAN; 2]);
+                for (side, angle_rad) in angles_rad.into_iter().enumerate() {
+                    self.push_wheel_angle(time, side, angle_rad);
+                }
                 let temperatures_c = control.bridge_temperatures_c().unwrap_or([f64::NAN; 4]);
                 for wheel in Wheel::ALL {
                     self.push_temperature(time, wheel, temperatures_c[wheel.index()]);
@@ -266,6 +300,19 @@ impl Recording {
             Column {
                 time_s: counts.time_s.clone(),
                 value: counts.value.iter().map(value).collect(),
+            }
+        })
+    }
+
+    /// Steer angle of the left and the right front wheel by their sensors, rad; empty without sensors.
+    #[must_use]
+    pub fn wheel_angles_rad(&self, calibration: &Resolved) -> [Column; 2] {
+        std::array::from_fn(|side| {
+            let read = &self.wheel_angle[side];
+            let angle = |read: &f64| calibration.wheel_angles_rad([*read; 2])[side];
+            Column {
+                time_s: read.time_s.clone(),
+                value: read.value.iter().map(angle).collect(),
             }
         })
     }

@@ -5,7 +5,9 @@ use model::strain::largest_count;
 use nalgebra::{Matrix3, Vector3};
 use sample::{Counts, PerWheel, StrainChannel, Wheel};
 
-use super::{Calibration, ChannelCalibration, SensitivityMatrix, TemperatureCalibration};
+use super::{
+    Calibration, ChannelCalibration, SensitivityMatrix, SteerCalibration, TemperatureCalibration,
+};
 use crate::EstimatorError;
 use crate::handling::Handling;
 
@@ -22,6 +24,8 @@ pub struct Resolved {
     pub rolling_radius_m: PerWheel<Option<f64>>,
     /// Steering wheel, straight ahead, rad.
     pub steer_offset_rad: f64,
+    /// Zero, rad, and gain of the sensors of the left and the right front wheel's angle.
+    pub wheel_angles: [[f64; 2]; 2],
     /// Specific-force bias, sensor axes, m/s^2.
     pub accel_bias_m_s2: Vector3<f64>,
     /// Rate bias, sensor axes, rad/s.
@@ -163,6 +167,7 @@ impl Resolved {
             hubs: hubs(sensors, calibration)?,
             rolling_radius_m: rolling_radii(calibration)?,
             steer_offset_rad: finite("steer.offset_rad", calibration.steer.offset_rad)?,
+            wheel_angles: wheel_angles(&calibration.steer)?,
             accel_bias_m_s2: finite3("imu.accel_bias_m_s2", imu.accel_bias_m_s2)?,
             gyro_bias_rad_s: finite3("imu.gyro_bias_rad_s", imu.gyro_bias_rad_s)?,
             body_from_imu: imu_from_body.inverse().into_inner(),
@@ -205,6 +210,15 @@ impl Resolved {
 }
 
 impl Resolved {
+    /// Steer angles of the front wheels from what their sensors read, rad, left and right.
+    #[must_use]
+    pub fn wheel_angles_rad(&self, read_rad: [f64; 2]) -> [f64; 2] {
+        std::array::from_fn(|side| {
+            let [zero_rad, gain] = self.wheel_angles[side];
+            gain * (read_rad[side] - zero_rad)
+        })
+    }
+
     /// Positions from a centre of gravity that has moved by `shift_m`, vehicle axes, m.
     #[must_use]
     pub fn with_cg_moved(&self, shift_m: Vector3<f64>) -> Self {
@@ -290,6 +304,40 @@ fn drifts(
         }
     }
     Ok(drifts)
+}
+
+fn wheel_angles(steer: &SteerCalibration) -> Result<[[f64; 2]; 2], EstimatorError> {
+    let zeros = steer.wheel_angle_offset_rad;
+    let gains = steer.wheel_angle_gain.unwrap_or([1.0; 2]);
+    for (zero, gain) in zeros.into_iter().zip(gains) {
+        finite("steer.wheel_angle_offset_rad", zero)?;
+        // A sensor on a linkage beside the wheel turns by another angle than the wheel.
+        if !(0.05..=20.0).contains(&gain.abs()) {
+            return Err(EstimatorError::Value {
+                name: "steer.wheel_angle_gain".to_owned(),
+                value: gain,
+                expected: "0.05 to 20, with either sign",
+            });
+        }
+    }
+    for (name, values, most) in [
+        (
+            "steer.toe_compliance_rad_n",
+            steer.toe_compliance_rad_n,
+            1e-3,
+        ),
+        ("steer.toe_play_rad", steer.toe_play_rad, 0.5),
+    ] {
+        let mut given = values.into_iter().flatten();
+        if let Some(value) = given.find(|value| !value.is_finite() || value.abs() > most) {
+            return Err(EstimatorError::Value {
+                name: name.to_owned(),
+                value,
+                expected: "what a steering gear can have: at most 0.001 rad/N and 0.5 rad",
+            });
+        }
+    }
+    Ok([0, 1].map(|side| [zeros[side], gains[side]]))
 }
 
 fn rolling_radii(calibration: &Calibration) -> Result<PerWheel<Option<f64>>, EstimatorError> {

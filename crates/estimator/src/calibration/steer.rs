@@ -5,6 +5,10 @@
 //! of it on either way, which a regression tells with the centre; the maps are those of the middle,
 //! made monotone by pooling neighbours that fall (Barlow and others 1972).
 
+mod sensors;
+
+pub use sensors::WheelSensor;
+
 use model::steering::MonotoneMap;
 use nalgebra::{DMatrix, DVector};
 
@@ -24,6 +28,8 @@ pub struct PlateReading {
     pub steering_wheel_rad: f64,
     /// Left and right front wheel, rad, left positive.
     pub wheels_rad: [f64; 2],
+    /// What the sensors of the left and the right front wheel's angle read, rad; `None` without sensors.
+    pub sensors_rad: [Option<f64>; 2],
 }
 
 /// What was found.
@@ -31,15 +37,30 @@ pub struct PlateReading {
 pub struct Steer {
     /// Centre and play with their deviations.
     pub findings: Findings,
-    /// What goes into the file.
+    /// What goes into the file, without the sensors at the wheels.
     pub calibration: SteerCalibration,
+    /// Sensors of the left and the right front wheel's angle, if the readings have some.
+    pub sensors: [Option<WheelSensor>; 2],
 }
 
-/// Finds maps, play and centre. `plate_sigma_rad` is how well a plate is read.
+/// Finds maps, play and centre, and zero and gain of the sensors at the wheels. `plate_sigma_rad` is how well a plate
+/// is read.
 ///
 /// # Errors
-/// Too few readings, one side only, wheels that turn against the steering wheel.
+/// Too few readings, one side only, wheels that turn against the steering wheel, a sensor that does not turn with its
+/// wheel.
 pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, Refusal> {
+    let mut found = maps(readings, plate_sigma_rad)?;
+    for side in [0, 1] {
+        if let Some((sensor, findings)) = sensors::sensor(readings, side, plate_sigma_rad)? {
+            found.sensors[side] = Some(sensor);
+            found.findings.findings.extend(findings);
+        }
+    }
+    Ok(found)
+}
+
+fn maps(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, Refusal> {
     check(readings).map_err(|refusal| refusal.of(WHAT))?;
     let slope = slope(readings, mean);
     if slope <= 0.0 {
@@ -152,7 +173,9 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
             lash_rad,
             left_map_rad,
             right_map_rad,
+            ..SteerCalibration::default()
         },
+        sensors: [None; 2],
     })
 }
 

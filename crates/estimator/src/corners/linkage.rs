@@ -141,6 +141,13 @@ impl Linkage {
         }
     }
 
+    /// Places the linkage at another travel of its rack. A travel out of reach changes nothing.
+    pub(super) fn move_rack(&mut self, rack_m: f64) {
+        if let Ok(pose) = self.corner.pose(self.pose.strut_length_m, rack_m) {
+            self.pose = pose;
+        }
+    }
+
     /// The force uses the measured spring length, the pose the hard-points: a hard-point error of 1
     /// mm must not become 65 N.
     pub(super) fn design_shift_m(&self) -> f64 {

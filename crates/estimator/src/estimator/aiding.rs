@@ -70,7 +70,7 @@ impl Estimator {
                 None,
             );
         }
-        self.constrain_axles(forward, left);
+        self.constrain_axles(time, forward, left);
     }
 
     /// Standard deviation of the reported sideslip angle, rad, from that of the motion filter. While no receiver gives
@@ -91,9 +91,9 @@ impl Estimator {
 
     /// The middle of an axle moves along its wheels, apart from the slip angle that its lateral
     /// force implies; where the force is unknown the slip angle is taken as small.
-    fn constrain_axles(&mut self, forward: f64, left: Vector3<f64>) {
+    fn constrain_axles(&mut self, time: LogTime, forward: f64, left: Vector3<f64>) {
         let t = self.settings.tuning.motion.aiding;
-        let steer = self.steer_angles();
+        let steer = self.steer_angles(time);
         let body = &self.vehicle.body;
         let ahead = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m];
         for (axle, x) in ahead.into_iter().enumerate() {

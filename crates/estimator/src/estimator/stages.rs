@@ -73,6 +73,7 @@ impl Estimator {
             match held {
                 Held::Corner(_)
                 | Held::SteeringWheel(_)
+                | Held::WheelAngles(_)
                 | Held::WheelSpeed(_)
                 | Held::HitchForce(_)
                 | Held::WheelTorque(_)
@@ -109,6 +110,7 @@ impl Estimator {
                 Held::BridgeTemperature(temperatures_c) => {
                     self.temperatures.push(time, &temperatures_c);
                 }
+                Held::WheelAngles(angles) => self.readings.push_wheel_angles(time, &angles),
                 Held::WheelTorque(torques) => self.readings.push_torques(time, &torques),
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {
@@ -168,7 +170,7 @@ impl Estimator {
                 offset_rad,
             );
         }
-        self.steer_angles()
+        self.steer_angles(time)
     }
 
     /// Stage 5: the motion as it is reported, with bank and grade where linkages give the ground.

@@ -5,7 +5,7 @@ use model::vehicle::{Tyre, Vehicle};
 
 use super::{
     Overrides, Recorded, aligning, camber, cornering, friction, inertia, response, roll_centre,
-    roll_pitch, slip, tyre, understeer,
+    roll_pitch, slip, toe, tyre, understeer,
 };
 use crate::EstimatorError;
 use crate::finding::{Findings, Refusal};
@@ -70,6 +70,8 @@ pub enum Method {
     Camber,
     /// Pneumatic trail of the tyres.
     Aligning,
+    /// Toe compliance and play of the front wheels.
+    Toe,
 }
 
 /// What a method found.
@@ -96,6 +98,7 @@ impl Method {
             Self::Slip => "slip",
             Self::Camber => "camber",
             Self::Aligning => "aligning",
+            Self::Toe => "toe",
         }
     }
 
@@ -113,6 +116,7 @@ impl Method {
             Self::Slip => "longitudinal stiffness",
             Self::Camber => "camber stiffness",
             Self::Aligning => "aligning moment",
+            Self::Toe => "toe compliance",
         }
     }
 
@@ -130,6 +134,7 @@ impl Method {
                 Sense::WheelSpeed,
                 Sense::Strain,
             ],
+            Self::Toe => &[Sense::Inertia, Sense::Steer, Sense::Strain],
             Self::Aligning => &[Sense::Inertia, Sense::Velocity, Sense::Strain],
             Self::RollPitch => &[Sense::Inertia],
             Self::YawInertia => &[Sense::Inertia, Sense::Strain],
@@ -167,6 +172,7 @@ impl Method {
             Self::Slip => slip(recorded, seed),
             Self::Camber => camber(recorded, seed),
             Self::Aligning => aligning(recorded, seed),
+            Self::Toe => toe(recorded, seed),
         }
     }
 }
@@ -265,6 +271,37 @@ fn roll_pitch(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorErr
         results: vec![result],
         overrides,
     })
+}
+
+/// Toe of the front wheels that have a sensor.
+fn toe(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
+    let mut found = Identified::default();
+    let steering = &recorded.vehicle.steering;
+    let mut compliance_rad_n = steering.toe_compliance_rad_n;
+    let mut play_rad = steering.toe_play_rad;
+    for (side, name) in ["left", "right"].into_iter().enumerate() {
+        let data = recorded.toe(side);
+        if data.difference_rad.iter().all(|angle| angle.is_nan()) {
+            continue;
+        }
+        let result = toe::identify(&data, side, recorded.drive.dt_s, seed)?;
+        compliance_rad_n[side] = result.value(&format!("toe_compliance_{name}"))[0];
+        play_rad[side] = result.value(&format!("toe_play_{name}"))[0].max(0.0);
+        found.results.push(result);
+    }
+    if found.results.is_empty() {
+        return Err(Refusal::Missing {
+            what: Method::Toe.what().to_owned(),
+            channel: "angle of a front wheel".to_owned(),
+            help: "record a sensor at a front wheel as the role steer_left or steer_right, with an angle as its unit"
+                .to_owned(),
+        }
+        .into());
+    }
+    let overrides = &mut found.overrides;
+    overrides.set_list("steering.toe_compliance_rad_n", &compliance_rad_n);
+    overrides.set_list("steering.toe_play_rad", &play_rad);
+    Ok(found)
 }
 
 /// The axles' roll stiffness in the proportion of the file, their sum as found; pitch where it was

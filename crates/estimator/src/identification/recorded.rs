@@ -6,7 +6,7 @@ use sample::{PerWheel, Wheel};
 
 use super::inclination::{Inclinations, WheelRow};
 use super::signals::spread;
-use super::{Drive, aligning, camber, slip, tyre};
+use super::{Drive, aligning, camber, slip, toe, tyre};
 
 /// Interval of the rows of tyre data that are used.
 const TYRE_STRIDE: usize = 10;
@@ -73,9 +73,29 @@ pub struct Recorded {
     steer_rad: PerWheel<Vec<f64>>,
     slope_rad: [Vec<f64>; 2],
     aligning_n_m: PerWheel<Vec<f64>>,
+    toe_rad: [Vec<f64>; 2],
 }
 
 impl Recorded {
+    /// The same drive with the measured steer angles of the front wheels less those of rack and linkage, left and
+    /// right, rad.
+    #[must_use]
+    pub fn with_toe(mut self, toe_rad: [Vec<f64>; 2]) -> Self {
+        self.toe_rad = toe_rad;
+        self
+    }
+
+    /// Difference of the steer angle, and force of a front wheel (0 left, 1 right).
+    #[must_use]
+    pub fn toe(&self, side: usize) -> toe::Data {
+        let [_, lateral_n] = &self.forces_n.0[side];
+        toe::Data {
+            difference_rad: self.toe_rad[side].clone(),
+            lateral_n: lateral_n.clone(),
+            load_n: self.drive.loads_n.0[side].clone(),
+        }
+    }
+
     /// The drive that these estimates describe.
     #[must_use]
     pub fn new(vehicle: Vehicle, motion: Motion, forces: TyreForces) -> Self {
@@ -128,6 +148,7 @@ impl Recorded {
             steer_rad: motion.steer_rad,
             slope_rad: motion.slope_rad,
             aligning_n_m,
+            toe_rad: <[Vec<f64>; 2]>::default(),
         }
     }
 

@@ -81,5 +81,10 @@ tuning! {
         rack_max_m_s: f64 = 0.2, "m/s";
         /// Largest rack acceleration that is used.
         rack_max_m_s2: f64 = 2.0, "m/s²";
+        /// Fading memory per reading of the difference between the measured angle of a front wheel and that
+        /// of rack and linkage.
+        toe_keep: f64 = 0.7, "1";
+        /// Largest such difference: a sensor that differs more is not used.
+        toe_max_rad: f64 = 0.1, "rad";
     }
 }

@@ -2,7 +2,6 @@
 
 use atvrec_estimator::{Calibration, Input, Settings};
 use model::sensors::Sensors;
-use model::vehicle::Vehicle;
 use sample::{Counts, Event, EventKind, Measurement, Sample, StrainChannel, Wheel};
 use testkit::scoring::{self, Estimated, deviations, estimate, force_errors, motion_errors};
 use testkit::sensing;

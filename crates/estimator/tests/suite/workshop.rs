@@ -90,7 +90,7 @@ fn a_workshops_parameters_are_good_enough() {
     }
 }
 
-/// Without the effect of the parameters, the mean square of F_x and F_y is between 20 and 60 in this drive.
+/// In this drive, the mean squares of F_x and F_y are 15 and 8 with parameters that are taken for exact.
 #[test]
 fn standard_deviations_contain_the_errors_of_a_workshops_parameters() {
     let run = truth::excerpt("c_sine03");
@@ -103,8 +103,8 @@ fn standard_deviations_contain_the_errors_of_a_workshops_parameters() {
     let [exact, considered] = [exact, Settings::default()].map(of);
     eprintln!("mean squares {exact:.1?} and {considered:.2?}");
     for axis in 0..2 {
-        assert!(exact[axis] > 10.0, "{exact:?}");
-        assert!(considered[axis] < 4.0, "{considered:?}");
+        assert!(exact[axis] > 6.0, "{exact:?}");
+        assert!(considered[axis] < 3.0, "{considered:?}");
     }
 }
 

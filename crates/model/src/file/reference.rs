@@ -75,6 +75,7 @@ const SENSORS: File = File {
         ("gnss_attitude", "GnssAttitude"),
         ("wheel_speed", "WheelSpeed"),
         ("steer", "Steer"),
+        ("wheel_angles", "WheelAngles"),
         ("hub_acceleration", "HubAcceleration"),
         ("bus", "Bus"),
     ],

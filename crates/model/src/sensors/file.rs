@@ -78,6 +78,7 @@ pub(crate) const SECTIONS: &[TableRules] = &[
             may("wheel_speed", Table),
             may("steer", Table),
             may("steer_potentiometers", Table),
+            may("wheel_angles", Table),
             may("hub_acceleration", Table),
             may("bus", Table),
         ],
@@ -182,6 +183,15 @@ pub(crate) const SECTIONS: &[TableRules] = &[
     TableRules {
         tables: &["steer"],
         rules: &[RATE, must("noise_rad", Number(NonNegative(3.2)))],
+    },
+    TableRules {
+        tables: &["wheel_angles"],
+        rules: &[
+            RATE,
+            must("noise_rad", Number(NonNegative(3.2))),
+            must("zero_error_rad", Number(NonNegative(3.2))),
+            must("gain_error_fraction", Number(NonNegative(0.9))),
+        ],
     },
     TableRules {
         tables: &["hub_acceleration"],

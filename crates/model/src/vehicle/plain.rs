@@ -162,6 +162,8 @@ impl From<Plain> for Vehicle {
                 left_map_rad: Vec::new(),
                 right_map_rad: Vec::new(),
                 roll_steer: [0.0; 2],
+                toe_compliance_rad_n: [0.0; 2],
+                toe_play_rad: [0.0; 2],
             },
             drivetrain: plain.drivetrain,
             payload: Vec::new(),

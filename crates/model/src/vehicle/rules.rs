@@ -234,6 +234,8 @@ const STEERING: &[Rule] = &[
     may("left_map_rad", Pairs),
     may("right_map_rad", Pairs),
     may("roll_steer", Vector(2, Finite)),
+    may("toe_compliance_rad_n", Vector(2, Within(-1e-3, 1e-3))),
+    may("toe_play_rad", Vector(2, Within(0.0, 0.5))),
 ];
 
 pub(super) const DRIVETRAIN: &[Rule] = &[

@@ -294,7 +294,8 @@ class Log:
     def identify(self, kind: str, *, start_s: float = 2.0, seed: int = 1) -> list[Findings]:
         """Parameters of the vehicle from the log's estimates after ``start_s``, as ``atvrec identify KIND``
         finds them. ``kind`` is ``cornering``, ``tyre``, ``roll-pitch``, ``inertia``, ``understeer``,
-        ``response``, ``friction`` or ``slip``; ``seed`` is that of the bootstrap.
+        ``response``, ``friction``, ``slip``, ``camber``, ``aligning`` or ``toe``; ``seed`` is that of the
+        bootstrap.
 
         Raises :class:`atvrec.DataError` where the drive does not determine them,
         :class:`atvrec.LogError` or :class:`atvrec.ArgumentError` where the log lacks what is needed.

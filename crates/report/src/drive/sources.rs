@@ -1,5 +1,6 @@
 //! Rates and latencies of the sensors, and the places of the receivers.
 
+use sample::ControlSample;
 use store::{Column, Table, Values};
 
 /// Radius of the earth, m: good to 0.5 % of a distance, which is enough for a picture.
@@ -118,6 +119,7 @@ pub fn to_local(table: &mut Table, origin: &mut Option<[f64; 2]>) {
 /// Whether the values of a sensor's column are drawn.
 pub fn is_drawn(name: &str) -> bool {
     name == "steering_wheel_rad"
+        || ControlSample::WHEEL_ANGLE.contains(&name)
         || name.starts_with("velocity_m_s.")
         || matches!(name, "east_m" | "north_m")
 }

@@ -89,7 +89,7 @@ fn axle_forces(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 /// Figures of the motion.
 pub fn motion(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     speed(curves, all);
-    steer(curves, all);
+    super::steer::all(curves, all);
     let rates = [
         Spec::new("roll rate", "roll_rate_rad_s", Quantity::Rate).pen(Pen::Other(0)),
         Spec::new("pitch rate", "pitch_rate_rad_s", Quantity::Rate).pen(Pen::Other(1)),
@@ -192,32 +192,6 @@ fn speed(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     }
     let caption = "Estimated forward speed, and what the receivers report.";
     all.push((timed("speed", "Speed", caption, panels), NO_ESTIMATES));
-}
-
-fn steer(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
-    let drive = curves.drive;
-    let wheels = [
-        ("road wheel FL", "fl.steer_rad"),
-        ("road wheel FR", "fr.steer_rad"),
-    ];
-    let mut traces: Vec<Trace> = Vec::new();
-    for (index, (name, column)) in wheels.into_iter().enumerate() {
-        let spec = Spec::new(name, column, Quantity::Angle).pen(Pen::Other(index + 1));
-        traces.extend(curves.curve(&drive.motion, spec));
-    }
-    let steering = drive.sensors.values().filter_map(|frame| {
-        let tenth = frame.get("steering_wheel_rad")?.iter();
-        let tenth = tenth.map(|angle| angle.to_degrees() / 10.0).collect();
-        Some((frame, tenth))
-    });
-    for (frame, tenth) in steering.collect::<Vec<(_, Vec<f32>)>>() {
-        let spec = Spec::new("steering wheel / 10", "", Quantity::Angle).pen(Pen::Other(0));
-        traces.extend(curves.of_values(&frame.time_s, tenth, None, spec));
-    }
-    let caption = "Steering wheel, and both front wheels by the steering map or the linkage.";
-    let panels = vec![panel("angle (deg)", traces)];
-    let reason = "the log has no steering wheel and no estimated steer angles";
-    all.push((timed("steer", "Steer angle", caption, panels), reason));
 }
 
 fn rollover(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {

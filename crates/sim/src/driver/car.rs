@@ -12,6 +12,8 @@ use crate::{SimError, TruthState};
 pub(super) struct Commands {
     /// Steer angle of each road wheel, rad.
     pub(super) steer_rad: [f64; 4],
+    /// Displacement of the inner end of each tie rod beside the rack, m.
+    pub(super) rod_shift_m: [f64; 4],
     /// Drive torque of each wheel, N m.
     pub(super) drive_n_m: [f64; 4],
     /// Brake torque of each wheel, N m.
@@ -31,6 +33,7 @@ impl Commands {
     pub(super) const fn coasting() -> Self {
         Self {
             steer_rad: [0.0; 4],
+            rod_shift_m: [0.0; 4],
             drive_n_m: [0.0; 4],
             brake_n_m: [0.0; 4],
             bank_rad: 0.0,

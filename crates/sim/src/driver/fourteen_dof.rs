@@ -137,6 +137,7 @@ impl FourteenDof {
                 moment_n_m: [f64::NAN, f64::NAN, self.aligning_n_m(i, &told, commands)],
                 angular_speed_rad_s: self.state.wheel_speed_rad_s[i],
                 steer_rad: commands.steer_rad[i],
+                rod_shift_m: commands.rod_shift_m[i],
                 slip_angle_rad: told.slip_angle_rad[i],
                 friction: self.friction[usize::from(!wheel.is_front())]
                     * commands.friction_scale[i],

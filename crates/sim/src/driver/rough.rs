@@ -5,6 +5,8 @@ use model::chassis::linked::{
 };
 use model::nalgebra::{Matrix3, Vector3};
 use model::road::Ground;
+use model::steering::Toe;
+use model::suspension::Corner;
 use model::vehicle::Vehicle;
 use sample::{PerWheel, Wheel};
 
@@ -12,6 +14,7 @@ use super::car::{DECAY_A_STEP, decay_1_s};
 use super::pedals::Pedals;
 use super::{
     CURVATURE_INTEGRAL, STEERING_WHEEL_MAX_RAD, STEERING_WHEEL_RATE_RAD_S, STEP_S, SteeringGear,
+    YIELD_RAD_S, rod_shift_m,
 };
 use crate::truth::fill_missing;
 use crate::{Motion, SimError, TruthState, WheelGround, WheelMotion, WheelTruth};
@@ -73,6 +76,7 @@ struct Drive<'a, G: ?Sized> {
     plan: &'a RoughPlan,
     parameters: Parameters,
     gear: SteeringGear,
+    toe: Toe,
     pedals: Pedals,
     backwards: bool,
     /// Steering wheel as the driver wants it, and as it is with its rate.
@@ -143,6 +147,7 @@ impl<'a, G: Ground + ?Sized> Drive<'a, G> {
             ground,
             plan,
             gear,
+            toe: Toe::of(vehicle),
             pedals: Pedals::default(),
             backwards: plan.start_speed_m_s < 0.0,
             wanted_rad: 0.0,
@@ -163,13 +168,22 @@ impl<'a, G: Ground + ?Sized> Drive<'a, G> {
         let turned = follow(self.wanted_rad, angle, rate);
         let road_wheels = self.gear.road_wheels_rad(angle, None);
         let rack_m_rad = self.vehicle.steering.rack_m_rad.unwrap_or(0.0);
+        let yielded_rad = self.yielded_rad();
         let rack_acceleration = std::array::from_fn(|i| {
             let corner = &self.parameters.corners[i];
-            match corner.suspension {
-                Suspension::Wishbone(_) if corner.wheel.is_front() => rack_m_rad * turned,
+            match &corner.suspension {
+                Suspension::Wishbone(linkage) if corner.wheel.is_front() => {
+                    let bent = yielded_rad.map_or(0.0, |angles| {
+                        let rod = [self.state.strut_m[i], rack_m_rad * angle, rack_m_rad * rate];
+                        self.rod_acceleration_m_s2(i, linkage, rod, angles[i])
+                    });
+                    rack_m_rad * turned + bent
+                }
                 Suspension::Wishbone(_) => 0.0,
                 Suspension::Straight(_) => {
-                    follow(road_wheels[i], self.state.rack[i], self.state.rack_rate[i])
+                    let yielded = yielded_rad.filter(|_| corner.wheel.is_front());
+                    let wanted = road_wheels[i] + yielded.map_or(0.0, |angles| angles[i]);
+                    follow(wanted, self.state.rack[i], self.state.rack_rate[i])
                 }
             }
         });
@@ -186,6 +200,37 @@ impl<'a, G: Ground + ?Sized> Drive<'a, G> {
             hitch_force_n: hitch.map_or(Vector3::zeros(), |hitch| (hitch.force_n)(time_s).into()),
             hitch_m: hitch.map_or(Vector3::zeros(), |hitch| hitch.point_m.into()),
         }
+    }
+
+    /// Angles by which the front wheels yield to their lateral forces, rad; `None` on rigid links.
+    fn yielded_rad(&self) -> Option<[f64; 2]> {
+        if self.toe.is_rigid() {
+            return None;
+        }
+        let free = Inputs {
+            rack_acceleration: [0.0; 4],
+            drive_n_m: [0.0; 4],
+            brake_n_m: [0.0; 4],
+            hitch_force_n: Vector3::zeros(),
+            hitch_m: Vector3::zeros(),
+        };
+        let found = outputs(&self.parameters, &self.state, &free, self.ground).ok()?;
+        Some([0, 1].map(|side| self.toe.angle_rad(side, found.wheels[side].force_n.y)))
+    }
+
+    /// Acceleration of the inner end of a tie rod beside the rack, which goes, critically damped, where the wheel has
+    /// yielded by an angle, m/s^2. `rod`: length of the strut, travel and speed of the rack.
+    fn rod_acceleration_m_s2(
+        &self,
+        i: usize,
+        linkage: &Corner,
+        [strut_m, rack_m, rack_m_s]: [f64; 3],
+        angle_rad: f64,
+    ) -> f64 {
+        let wanted_m = rod_shift_m(linkage, strut_m, rack_m, angle_rad).unwrap_or(0.0);
+        let shift_m = self.state.rack[i] - rack_m;
+        let rate_m_s = self.state.rack_rate[i] - rack_m_s;
+        YIELD_RAD_S * (YIELD_RAD_S * (wanted_m - shift_m) - 2.0 * rate_m_s)
     }
 
     /// Speed, at least a walking pace in the direction of the gear.
@@ -320,6 +365,13 @@ impl<'a, G: Ground + ?Sized> Drive<'a, G> {
             moment_n_m: wheel.moment_n_m.into(),
             angular_speed_rad_s: wheel.spin_rad_s,
             steer_rad,
+            rod_shift_m: match (&corner.suspension, corner.wheel.is_front()) {
+                (Suspension::Wishbone(_), true) if !self.toe.is_rigid() => {
+                    let rack_m_rad = self.vehicle.steering.rack_m_rad.unwrap_or(0.0);
+                    state.rack[i] - rack_m_rad * self.steering_wheel[0]
+                }
+                _ => 0.0,
+            },
             slip_angle_rad: math::atan(wheel.slip_tangent),
             longitudinal_slip: f64::NAN,
             friction: corner.tyre_file.friction * wheel.contact.friction,

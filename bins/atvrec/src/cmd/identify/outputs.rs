@@ -25,7 +25,8 @@ impl Outputs {
             | IdentifyCommand::Friction(args)
             | IdentifyCommand::Slip(args)
             | IdentifyCommand::Camber(args)
-            | IdentifyCommand::Aligning(args) => inputs(args),
+            | IdentifyCommand::Aligning(args)
+            | IdentifyCommand::Toe(args) => inputs(args),
             IdentifyCommand::Tyre(args) => inputs(&args.shared),
             IdentifyCommand::Inertia(args) => inputs(&args.shared),
             IdentifyCommand::Response(args) => inputs(&args.shared),

@@ -40,6 +40,18 @@ fn assert_units(cases: &[(&str, &str, Role)]) {
 }
 
 #[test]
+fn the_unit_tells_an_angle_of_a_wheel_from_a_travel_of_a_tie_rod() {
+    let degree = 1.0_f64.to_radians();
+    let angle = Role::Control(ControlValue::WheelAngle(Side::Left), degree);
+    let travel = Role::SteerRod(Side::Right, Travel::Length(1e-3));
+    assert_units(&[
+        ("deg", "steer_left", angle),
+        ("deg", "wheel_angle.FL", angle),
+        ("mm", "steer_right", travel),
+    ]);
+}
+
+#[test]
 fn roles_take_the_unit_of_the_signal() {
     let degree = 1.0_f64.to_radians();
     let fl = Wheel::FrontLeft;

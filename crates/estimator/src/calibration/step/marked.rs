@@ -156,14 +156,26 @@ pub(super) fn steer(
                 time_s,
             })?,
             wheels_rad: values.map(f64::to_radians),
+            sensors_rad: (recording.wheel_angle.each_ref())
+                .map(|column| column.signal().mean(time_s, time_s + REST_S)),
         });
     }
     let found = steer::steer(&readings, plate_sigma_rad)?;
+    let mut calibration = known.clone();
+    let before = std::mem::replace(&mut calibration.steer, found.calibration);
+    let steer = &mut calibration.steer;
+    steer.toe_compliance_rad_n = before.toe_compliance_rad_n;
+    steer.toe_play_rad = before.toe_play_rad;
+    steer.wheel_angle_offset_rad = before.wheel_angle_offset_rad;
+    steer.wheel_angle_gain = before.wheel_angle_gain;
+    for (side, sensor) in found.sensors.into_iter().enumerate() {
+        if let Some(sensor) = sensor {
+            steer.wheel_angle_offset_rad[side] = sensor.zero_rad;
+            steer.wheel_angle_gain.get_or_insert([1.0; 2])[side] = sensor.gain;
+        }
+    }
     Ok(Calibrated {
-        calibration: Calibration {
-            steer: found.calibration,
-            ..known.clone()
-        },
+        calibration,
         findings: vec![found.findings],
     })
 }

@@ -27,6 +27,7 @@ fn plates(seed: u64) -> Vec<PlateReading> {
                 held * ratio + (0.1 * noise).to_radians()
             };
             PlateReading {
+                sensors_rad: [None; 2],
                 steering_wheel_rad: hand + OFFSET_RAD,
                 wheels_rad: [read(0.112), read(0.106)],
             }
