@@ -68,6 +68,7 @@ const SENSORS: File = File {
         ("", "Sensors"),
         ("strain", "StrainChain"),
         ("strain.amplifier", "Amplifier"),
+        ("strain.transducer", "Transducer"),
         ("strain.bending", "BendingBridge"),
         ("deflection", "Potentiometers"),
         ("imu", "Imu"),
