@@ -370,18 +370,16 @@ impl Corners {
         point_m - Vector3::z() * self.cg_height_m
     }
 
-    /// Places the corners at `now`, `dt` after the last call. `steering_offset_rad` is added to the
-    /// steering wheel's angle.
-    pub fn update(
+    /// Moves the linkages by struts, steering wheel and sensors at the wheels. Returns rate and acceleration of the
+    /// rack.
+    fn move_linkages(
         &mut self,
         now: LogTime,
         dt: f64,
         readings: &mut Readings,
-        motion: &MotionState,
         feedback: &EstimatorFeedback,
         steering_offset_rad: f64,
-    ) {
-        let load_n = feedback.forces.0.map(|force| force.force_n[2]);
+    ) -> [f64; 2] {
         let of_wheel = &self.tuning.steering_wheel;
         if let Some(reading) = readings.steering_wheel_rad {
             self.steering_wheel
@@ -415,6 +413,22 @@ impl Corners {
             let lateral_n = feedback.forces.0[side].force_n[1];
             (self.toe).turn(side, linkage, front, reading, lateral_n, of_wheel);
         }
+        rack_motion
+    }
+
+    /// Places the corners at `now`, `dt` after the last call. `steering_offset_rad` is added to the
+    /// steering wheel's angle.
+    pub fn update(
+        &mut self,
+        now: LogTime,
+        dt: f64,
+        readings: &mut Readings,
+        motion: &MotionState,
+        feedback: &EstimatorFeedback,
+        steering_offset_rad: f64,
+    ) {
+        let load_n = feedback.forces.0.map(|force| force.force_n[2]);
+        let rack_motion = self.move_linkages(now, dt, readings, feedback, steering_offset_rad);
         self.place_axle();
         let load: [f64; 4] = std::array::from_fn(|i| {
             if load_n[i].is_finite() {

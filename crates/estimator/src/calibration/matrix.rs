@@ -532,7 +532,7 @@ mod tests {
             assert!(error.contains(part), "{error}");
         }
         let two = resolved(&file(&rows[..2])).unwrap_err().to_string();
-        assert!(two.contains("condition number inf"), "{two}");
+        assert!(two.contains("condition number of inf"), "{two}");
     }
 
     #[test]
