@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::statistics::interval_95;
+
 /// A parameter that was found in data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
@@ -23,6 +25,36 @@ pub struct Finding {
     pub whiteness: Option<Whiteness>,
     /// The data that were used.
     pub span: Span,
+}
+
+impl Finding {
+    /// A value with its standard deviation and the interval of a normal distribution, from a number of rows that move
+    /// its regressor by `excitation`, root mean square and unit. The condition number is 1.
+    pub(crate) fn of_rows(
+        name: String,
+        [value, sigma]: [f64; 2],
+        unit: &str,
+        (rms, of): (f64, &str),
+        rows: usize,
+    ) -> Self {
+        Self {
+            name,
+            value,
+            unit: unit.to_owned(),
+            sigma,
+            interval: Some(interval_95(value, sigma)),
+            condition: 1.0,
+            excitation: Some(Excitation {
+                rms,
+                unit: of.to_owned(),
+            }),
+            whiteness: None,
+            span: Span {
+                rows,
+                ..Span::default()
+            },
+        }
+    }
 }
 
 /// How strongly the data move a parameter's regressor.

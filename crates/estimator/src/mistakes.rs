@@ -96,7 +96,7 @@ impl Mistakes {
         self.agreeing += u32::from(square < t.agreeing_square);
         let windows = self.evidence.windows;
         if windows.is_power_of_two() || windows.is_multiple_of(t.decide_windows) {
-            self.evidence.consider()?;
+            self.evidence.consider();
         }
         if !self.evidence.windows.is_multiple_of(t.decide_windows) {
             return None;

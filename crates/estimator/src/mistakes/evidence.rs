@@ -167,8 +167,14 @@ impl Evidence {
         Some(())
     }
 
-    /// Finds the factor on the tolerances for which the drive is likeliest.
-    pub(super) fn consider(&mut self) -> Option<()> {
+    /// Finds the factor on the tolerances for which the drive is likeliest; it stays if the likelihoods cannot be found.
+    pub(super) fn consider(&mut self) {
+        if let Some(care) = self.likeliest_care() {
+            self.considered.care = care;
+        }
+    }
+
+    fn likeliest_care(&mut self) -> Option<f64> {
         let t = self.tuning;
         let [largest, smallest] = t.care_limits;
         let mut best = (self.likelihood(t.care_exact)? + t.care_ratio, 0.0);
@@ -180,8 +186,7 @@ impl Evidence {
             }
             care *= 0.5;
         }
-        self.considered.care = best.1;
-        Some(())
+        Some(best.1)
     }
 
     /// Logarithm of the drive's likelihood with a factor on the tolerances, without a constant. Offsets and the bias

@@ -17,10 +17,9 @@ use crate::calibration::{
     ChannelCalibration, MatrixAxes, MatrixCalibration, Resolved, Sensitivity, SensitivityMatrix,
     StrutSensitivity,
 };
-use crate::finding::{Excitation, Figure, Finding, Refusal, Series, Span};
+use crate::finding::{Figure, Finding, Refusal, Series};
 use crate::regression::whiteness;
 use crate::statics::AXIAL;
-use crate::statistics::interval_95;
 
 /// Sensitivities: to three forces and three moments, and the changes of these with compression.
 const COLUMNS: usize = 12;
@@ -417,30 +416,13 @@ impl LoadRig {
     }
 }
 
-fn finding(
-    name: String,
-    [value, sigma]: [f64; 2],
-    unit: &str,
-    design: &Design,
-    fit: &Fit,
-) -> Finding {
+fn finding(name: String, value: [f64; 2], unit: &str, design: &Design, fit: &Fit) -> Finding {
     let forces: Vec<_> = design.rows.iter().collect();
+    let excitation = (spread_of_forces(&forces), "N");
     Finding {
-        name,
-        value,
-        unit: unit.to_owned(),
-        sigma,
-        interval: Some(interval_95(value, sigma)),
         condition: design.condition,
-        excitation: Some(Excitation {
-            rms: spread_of_forces(&forces),
-            unit: "N".to_owned(),
-        }),
         whiteness: Some(whiteness(&fit.residuals)),
-        span: Span {
-            rows: fit.residuals.len(),
-            ..Span::default()
-        },
+        ..Finding::of_rows(name, value, unit, excitation, fit.residuals.len())
     }
 }
 

@@ -1,8 +1,7 @@
 //! Zero and gain of the sensors of the front wheels' angles, from turn plates.
 
 use super::{PlateReading, WHAT};
-use crate::finding::{Excitation, Finding, Refusal, Span};
-use crate::statistics::interval_95;
+use crate::finding::{Finding, Refusal};
 
 /// Names of the sides in findings, left first.
 const SIDES: [&str; 2] = ["left", "right"];
@@ -76,47 +75,20 @@ pub(super) fn sensor(
         plate_sigma_rad / gain.abs() * (1.0 / n + (zero_rad - read).powi(2) / square).sqrt();
     let name = |of: &str| format!("{} wheel's sensor, {of}", SIDES[side]);
     let findings = vec![
-        finding(
+        Finding::of_rows(
             name("straight ahead"),
             [zero_rad, zero_sigma],
             "rad",
-            spread_rad,
+            (spread_rad, "rad"),
             pairs.len(),
         ),
-        finding(
+        Finding::of_rows(
             name("gain"),
             [gain, gain_sigma],
             "-",
-            spread_rad,
+            (spread_rad, "rad"),
             pairs.len(),
         ),
     ];
     Ok(Some((WheelSensor { zero_rad, gain }, findings)))
-}
-
-/// A value with its standard deviation, from a number of readings with the standard deviation `spread_rad`.
-fn finding(
-    name: String,
-    [value, sigma]: [f64; 2],
-    unit: &str,
-    spread_rad: f64,
-    rows: usize,
-) -> Finding {
-    Finding {
-        name,
-        value,
-        unit: unit.to_owned(),
-        sigma,
-        interval: Some(interval_95(value, sigma)),
-        condition: 1.0,
-        excitation: Some(Excitation {
-            rms: spread_rad,
-            unit: "rad".to_owned(),
-        }),
-        whiteness: None,
-        span: Span {
-            rows,
-            ..Span::default()
-        },
-    }
 }
