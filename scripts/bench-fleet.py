@@ -18,7 +18,6 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 import atvrec
 from atvrec import fleet
@@ -76,7 +75,7 @@ def resident_mb() -> float:
 
 
 def main() -> None:
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     drives = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
@@ -84,8 +83,7 @@ def main() -> None:
     try:
         logs = folder / "logs"
         logs.mkdir()
-        quiet: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": 50}
-        with LocalCluster(n_workers=2, **quiet) as cluster, Client(cluster) as client:
+        with fleet.local_cluster(2) as cluster, Client(cluster) as client:
             jobs = [(1001 + drive, seconds, str(logs)) for drive in range(drives)]
             total = sum(client.gather(client.map(simulated, jobs)))
         print(f"fleet: {drives} drives of {seconds:g} s, {total / 1e6:.0f} MB of raw logs")
@@ -94,7 +92,7 @@ def main() -> None:
         for repeat in range(3):
             for workers in (1, 2):
                 out = folder / f"out-{workers}-{repeat}"
-                with LocalCluster(n_workers=workers, **quiet) as cluster, Client(cluster) as client:
+                with fleet.local_cluster(workers) as cluster, Client(cluster) as client:
                     client.run(lambda: len(STEPS))
                     begin = time.monotonic()
                     found = fleet.run(logs, STEPS, out, cluster=client, progress=False)

@@ -46,13 +46,18 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
-    with (
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as local,
-        Client(local) as client,
-    ):
+    with fleet.local_cluster(2) as local, Client(local) as client:
         yield client
+
+
+def test_workers_of_this_machine_do_not_profile_themselves(cluster: Any) -> None:
+    """Profiles would fill the memory of a worker."""
+    profiles = cluster.run(lambda dask_worker: "profile" in dask_worker.periodic_callbacks)
+    assert list(profiles.values()) == [False, False]
+    with pytest.raises(atvrec.ArgumentError, match="workers = 0: must be at least 1"):
+        fleet.local_cluster(0).__enter__()
 
 
 def rows(out: Path, query: str) -> list[tuple[Any, ...]]:

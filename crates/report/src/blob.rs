@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 /// Steps between the least and the greatest value of a series, in a short and in a long drive.
 const STEPS_FINE: f64 = 65_535.0;
 const STEPS_COARSE: f64 = 4_095.0;
-/// The same of envelopes: a figure has fewer pixels.
+/// The same of envelopes, and of the bands of long drives: a figure has fewer pixels.
 const STEPS_ENVELOPE: f64 = 1_023.0;
 /// Level of the compressor.
 const LEVEL: i32 = 6;
@@ -55,6 +55,15 @@ impl Blob {
                 STEPS_FINE
             },
         )
+    }
+
+    /// Adds standard deviations; `None` without a finite one.
+    pub fn add_sigma(&mut self, values: &[f32]) -> Option<Id> {
+        if self.is_long {
+            self.add_envelope(values)
+        } else {
+            self.add(values)
+        }
     }
 
     /// Adds one side of an envelope; `None` without a finite value.
@@ -308,5 +317,20 @@ mod tests {
         }
         let found = read(&bytes, &blob.heads[time.0]);
         assert!(found.iter().zip(times).all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+
+    #[test]
+    fn bands_of_a_long_drive_are_coarser_than_their_curves() {
+        let values = [0.0, 4.0];
+        let step = |is_long: bool, add: fn(&mut Blob, &[f32]) -> Option<Id>| {
+            let mut blob = Blob {
+                is_long,
+                ..Blob::default()
+            };
+            let id = add(&mut blob, &values).unwrap();
+            blob.heads[id.0]["s"].as_f64().unwrap()
+        };
+        assert_eq!(step(false, Blob::add_sigma), step(false, Blob::add));
+        assert!(step(true, Blob::add_sigma) > 3.0 * step(true, Blob::add));
     }
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import sys
@@ -111,23 +112,22 @@ def _fleet_run(parsed: argparse.Namespace) -> int:
         else:
             known = "replay, score, summary, springs, rest, estimates, identify:KIND"
             raise ValueError(f"--steps: {text.strip()!r} is unknown; use {known}")
-    cluster: object = parsed.scheduler
-    if cluster is None and parsed.workers is not None:
-        from distributed import LocalCluster
-
-        if parsed.workers < 1:
-            raise ValueError(f"--workers {parsed.workers}: must be at least 1")
-        cluster = LocalCluster(n_workers=parsed.workers, threads_per_worker=1, dashboard_address=":0")
-    found = fleet.run(
-        parsed.paths,
-        steps,
-        parsed.out,
-        cluster=cluster,
-        storage_options=parsed.storage_options,
-        out_options=parsed.out_options,
-        retries=parsed.retries,
-        progress=not parsed.quiet,
-    )
+    if parsed.workers is not None and parsed.workers < 1:
+        raise ValueError(f"--workers {parsed.workers}: must be at least 1")
+    with contextlib.ExitStack() as stack:
+        cluster: object = parsed.scheduler
+        if cluster is None and parsed.workers is not None:
+            cluster = stack.enter_context(fleet.local_cluster(parsed.workers))
+        found = fleet.run(
+            parsed.paths,
+            steps,
+            parsed.out,
+            cluster=cluster,
+            storage_options=parsed.storage_options,
+            out_options=parsed.out_options,
+            retries=parsed.retries,
+            progress=not parsed.quiet,
+        )
     if parsed.json:
         print(json.dumps({"out": found.out, "seconds": found.seconds, "runs": found.rows}, indent=1))
     else:

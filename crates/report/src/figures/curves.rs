@@ -133,8 +133,8 @@ impl<'a> Curves<'a> {
             let samples = time_s.iter().zip(&values);
             self.envelope(samples.map(|(time_s, value)| (*time_s, [*value; 2])))?
         } else {
-            let (x, y) = self.samples(time_s, &values)?;
-            let sigma = sigma.and_then(|sigma| self.samples(time_s, &sigma));
+            let (x, y) = self.samples(time_s, &values, Blob::add)?;
+            let sigma = sigma.and_then(|sigma| self.samples(time_s, &sigma, Blob::add_sigma));
             Data::Samples {
                 x,
                 y,
@@ -185,11 +185,16 @@ impl<'a> Curves<'a> {
     }
 
     /// Time and values of all samples, with a break in each gap.
-    fn samples(&mut self, time_s: &[f64], values: &[f32]) -> Option<(Id, Id)> {
+    fn samples(
+        &mut self,
+        time_s: &[f64],
+        values: &[f32],
+        add: impl Fn(&mut Blob, &[f32]) -> Option<Id>,
+    ) -> Option<(Id, Id)> {
         let gap_s = self.drive.thinning.gap_s(GAP_S);
         let has_gap = time_s.windows(2).any(|pair| pair[1] - pair[0] > gap_s);
         if !has_gap {
-            let y = self.blob.add(values)?;
+            let y = add(self.blob, values)?;
             return Some((self.blob.add_times(time_s), y));
         }
         let (mut times, mut broken) = (Vec::new(), Vec::new());
@@ -203,7 +208,7 @@ impl<'a> Curves<'a> {
             times.push(*time);
             broken.push(*value);
         }
-        let y = self.blob.add(&broken)?;
+        let y = add(self.blob, &broken)?;
         Some((self.blob.add_times(&times), y))
     }
 

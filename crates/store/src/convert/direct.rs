@@ -203,58 +203,58 @@ fn wheel_motion(mut rest: &[u8]) -> Option<(Wheel, [f64; 4])> {
 }
 
 /// As `forces_from_proto` of the decoded message, into `forces`. What they are after `None` does not matter.
+/// Wheels in another order than `Wheel::ALL` are `None`.
 fn direct_forces(mut rest: &[u8], forces: &mut PerWheel<TyreForce>) -> Option<ForceFrame> {
     let mut frame = 0;
-    let mut is_known = PerWheel([false; 4]);
+    let mut wheels = Wheel::ALL.into_iter();
     while !rest.is_empty() {
         match next(&mut rest)? {
             (5, Value::Varint(number)) => frame = number as i32,
             (6, Value::Bytes(entry)) => {
-                let (wheel, force) = wheel_force(entry)?;
-                forces[wheel] = force;
-                is_known[wheel] = true;
+                let wheel = wheels.next()?;
+                set_force(entry, wheel, &mut forces[wheel])?;
             }
             _ => return None,
         }
     }
-    for wheel in Wheel::ALL {
-        if !is_known[wheel] {
-            forces[wheel] = TyreForce::default();
-        }
+    for wheel in wheels {
+        forces[wheel] = TyreForce::default();
     }
     Some(force_frame(frame))
 }
 
-fn wheel_force(mut rest: &[u8]) -> Option<(Wheel, TyreForce)> {
-    let (mut axle, mut side, mut source) = (0, &[][..], 0);
-    let (mut forces, mut moments) = ([[0.0; 3]; 2], [[f64::NAN; 3]; 2]);
-    numbers(&mut rest, 1, forces.as_flattened_mut());
+/// Sets the force of a wheel. `None` if it is that of another wheel. The values are written where they stay:
+/// the processor waits when it copies an array whose numbers were just stored.
+fn set_force(mut rest: &[u8], wheel: Wheel, force: &mut TyreForce) -> Option<()> {
+    let (mut axle, mut side) = (0, &[][..]);
+    force.source = force_source(0);
+    force.force_n = [0.0; 3];
+    force.sigma_n = [0.0; 3];
+    force.moment_n_m = [f64::NAN; 3];
+    force.moment_sigma_n_m = [f64::NAN; 3];
+    numbers(&mut rest, 1, &mut force.force_n);
+    numbers(&mut rest, 4, &mut force.sigma_n);
     while !rest.is_empty() {
         match next(&mut rest)? {
-            (number @ 1..=6, Value::F64(value)) => {
-                forces.as_flattened_mut()[number as usize - 1] = value;
+            (number @ 1..=3, Value::F64(value)) => force.force_n[number as usize - 1] = value,
+            (number @ 4..=6, Value::F64(value)) => force.sigma_n[number as usize - 4] = value,
+            (number @ 10..=12, Value::F64(value)) => {
+                force.moment_n_m[number as usize - 10] = value;
             }
-            (number @ 10..=15, Value::F64(value)) => {
-                moments.as_flattened_mut()[number as usize - 10] = value;
+            (number @ 13..=15, Value::F64(value)) => {
+                force.moment_sigma_n_m[number as usize - 13] = value;
             }
-            (7, Value::Varint(number)) => source = number as i32,
+            (7, Value::Varint(number)) => force.source = force_source(number as i32),
             (8, Value::Varint(number)) => axle = number as u32,
             (9, Value::Bytes(name)) => {
                 side = name;
-                numbers(&mut rest, 10, moments.as_flattened_mut());
+                numbers(&mut rest, 10, &mut force.moment_n_m);
+                numbers(&mut rest, 13, &mut force.moment_sigma_n_m);
             }
             _ => return None,
         }
     }
-    let ([force_n, sigma_n], [moment_n_m, moment_sigma_n_m]) = (forces, moments);
-    let force = TyreForce {
-        force_n,
-        sigma_n,
-        moment_n_m,
-        moment_sigma_n_m,
-        source: force_source(source),
-    };
-    Some((wheel_of(axle, side)?, force))
+    (wheel_of(axle, side)? == wheel).then_some(())
 }
 
 /// As `road_from_proto` of the decoded message.

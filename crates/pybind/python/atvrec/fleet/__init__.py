@@ -31,7 +31,7 @@ from atvrec.fleet.steps import (
 )
 from atvrec.fleet.store import Run, find
 from atvrec.fleet.tables import TABLES
-from atvrec.fleet.work import Result, run
+from atvrec.fleet.work import Result, local_cluster, run
 
 __all__ = [
     "TABLES",
@@ -41,6 +41,7 @@ __all__ = [
     "estimates",
     "find",
     "identify",
+    "local_cluster",
     "replay",
     "rest",
     "run",
