@@ -17,7 +17,7 @@ const WHOLE_S: f64 = 3700.0;
 /// ... and most samples of a topic in a longer one.
 const WHOLE: usize = 370_000;
 /// Samples that are kept of a longer drive.
-const KEPT: f64 = 264_000.0;
+const KEPT: f64 = 270_000.0;
 /// Kept samples to a stretch whose least and greatest values are kept.
 const KEPT_TO_STRETCH: f64 = 10.0;
 
