@@ -196,6 +196,24 @@ pub enum Error {
         /// The file of the motion.
         path: PathBuf,
     },
+    /// Tyre pressures for the motion of a file.
+    #[error(
+        "the options have tyre_pressure_pa, but the tyres of the motion are those of {path}: remove the field, or \
+             simulate a manoeuvre"
+    )]
+    PressureOfTruth {
+        /// The file of the motion.
+        path: PathBuf,
+    },
+    /// Tyre pressures for tyres that do not depend on them.
+    #[error(
+        "the options have tyre_pressure_pa, but no tyre of {vehicle} depends on its pressure: add a table \
+             [front.tyre.pressure] or [rear.tyre.pressure], or remove the field"
+    )]
+    NoPressureLaw {
+        /// Name of the vehicle file.
+        vehicle: String,
+    },
     /// A vehicle, sensors or road file has errors.
     #[error(transparent)]
     VehicleFile(#[from] model::FileErrors),

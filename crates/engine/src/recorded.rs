@@ -6,9 +6,10 @@ use estimator::identification::toe::differences_rad;
 use estimator::identification::{Method, Motion, Recorded, Sense, TyreForces};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{LogTime, PerWheel};
+use sample::{LogTime, PerWheel, Wheel};
 use store::{Reader, Table, Values};
 
+use crate::config::ControlValue;
 use crate::config::{FileKind, Files};
 use crate::recording::{STEERING, recording_of};
 use crate::{Config, Error, Result};
@@ -66,7 +67,11 @@ pub fn read_drive(
         steer_offset_rad: learnt_offset(reader, &grid)?,
     };
     let forces = read_forces(reader, window, &grid)?;
-    let recorded = Recorded::new(vehicle, motion, forces);
+    let reads_pressures = vehicle.depends_on_pressure() || matches!(method, Method::Tyre(_));
+    let mut recorded = Recorded::new(vehicle, motion, forces);
+    if reads_pressures {
+        recorded = recorded.with_pressures(&read_pressures(reader, &grid)?);
+    }
     match method {
         Method::Toe => {
             let toe_rad = read_toe(reader, &recorded.vehicle, &grid)?;
@@ -74,6 +79,28 @@ pub fn read_drive(
         }
         _ => Ok(recorded),
     }
+}
+
+/// Reads the mean inflation pressure of each tyre in the time of the grid, Pa; `NaN` without a sensor.
+fn read_pressures(reader: &Reader, motion: &Grid) -> Result<PerWheel<f64>> {
+    let mut pressures_pa = PerWheel([f64::NAN; 4]);
+    let channels = reader.info().channels;
+    for topic in channels.keys().filter(|t| t.starts_with("/control/")) {
+        let control = Grid {
+            table: reader.table(topic, LogTime(0), LogTime(u64::MAX))?,
+            first_ns: motion.first_ns,
+            rows: motion.rows,
+        };
+        for wheel in Wheel::ALL {
+            let values = control.column(&ControlValue::TyrePressure(wheel).name());
+            let known = values.iter().filter(|value| value.is_finite());
+            let (sum, count) = known.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
+            if count > 0.0 {
+                pressures_pa[wheel] = sum / count;
+            }
+        }
+    }
+    Ok(pressures_pa)
 }
 
 /// Reads what the steer angles of the front wheels differ from those of rack and linkage, rad.

@@ -67,11 +67,15 @@ pub fn simulate<E: From<Error>>(
 }
 
 #[cfg(test)]
+mod axle_tests;
+#[cfg(test)]
 pub(crate) mod drives;
 #[cfg(test)]
 mod late_tests;
 #[cfg(test)]
 mod latency_tests;
+#[cfg(test)]
+mod pressure_tests;
 #[cfg(test)]
 mod temperature_tests;
 #[cfg(test)]

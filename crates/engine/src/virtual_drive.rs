@@ -102,6 +102,9 @@ impl VirtualDrive {
         if let Some(toe) = &drive.options.toe {
             bend(&mut vehicle, toe, &drive.course)?;
         }
+        if let Some(pressures_pa) = drive.options.tyre_pressure_pa {
+            vehicle = inflated(&vehicle, &vehicle_file, pressures_pa, &drive.course)?;
+        }
         let vehicle = vehicle;
         let (motion, name) = motion(drive, &vehicle)?;
         let motion = repeated(motion, drive.duration_s);
@@ -435,6 +438,37 @@ fn bend(vehicle: &mut Vehicle, toe: &Toe, course: &Course) -> Result<()> {
     vehicle.steering.toe_compliance_rad_n = toe.compliance_rad_n;
     vehicle.steering.toe_play_rad = toe.play_rad;
     Ok(())
+}
+
+/// The vehicle on tyres at inflation pressures, Pa.
+///
+/// # Errors
+/// Pressures that no tyre has; tyres that do not depend on their pressure; a motion of a file, whose tyres are those of
+/// the file.
+fn inflated(
+    vehicle: &Vehicle,
+    name: &str,
+    pressures_pa: [f64; 4],
+    course: &Course,
+) -> Result<Vehicle> {
+    if let Course::Truth(path) = course {
+        return Err(Error::PressureOfTruth { path: path.clone() });
+    }
+    let mut all = pressures_pa.into_iter();
+    if let Some(value) = all.find(|pressure| !(1e3..=1.3e6).contains(pressure)) {
+        return Err(sim::SimError::BadParameter {
+            name: "tyre_pressure_pa".to_owned(),
+            value,
+            expected: "1000 to 1300000 Pa",
+        }
+        .into());
+    }
+    if !vehicle.depends_on_pressure() {
+        return Err(Error::NoPressureLaw {
+            vehicle: name.to_owned(),
+        });
+    }
+    Ok(vehicle.at_pressures(&PerWheel(pressures_pa)))
 }
 
 /// Reads the options of a virtual vehicle from a file.

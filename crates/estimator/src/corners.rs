@@ -272,6 +272,13 @@ impl Corners {
         Ok(())
     }
 
+    /// The same linkages on other tyres.
+    pub fn load_tyres(&mut self, vehicle: &Vehicle) {
+        for (linkage, wheel) in self.linkages.iter_mut().zip(Wheel::ALL) {
+            linkage.load_tyre(&vehicle.axle(wheel).tyre);
+        }
+    }
+
     /// The corners after the last [`update`](Self::update).
     #[must_use]
     pub fn states(&self) -> &[CornerState; 4] {

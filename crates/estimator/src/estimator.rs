@@ -11,6 +11,7 @@ mod mistakes;
 mod monitors;
 mod payload;
 mod placement;
+mod pressure;
 mod road;
 mod sensors;
 mod stages;
@@ -56,6 +57,7 @@ use events::Divergence;
 use lagged::Past;
 use mistakes::MistakeWatch;
 use monitors::ConsistencyMonitors;
+use pressure::TyrePressures;
 use stages::MeasuredForces;
 use temperature::BridgeTemperatures;
 
@@ -101,6 +103,7 @@ pub struct Estimator {
     unloaded: Vehicle,
     unloaded_calibration: Resolved,
     temperatures: BridgeTemperatures,
+    pressures: TyrePressures,
     /// Payloads on the vehicle.
     payload: Vec<String>,
     sensors: Sensors,
@@ -234,6 +237,7 @@ impl Estimator {
             unloaded,
             unloaded_calibration,
             temperatures: BridgeTemperatures::default(),
+            pressures: TyrePressures::new(&t.pressure),
             payload: {
                 let mut names = settings.payload.clone();
                 names.sort();
@@ -341,23 +345,7 @@ impl Estimator {
                 let speeds = speeds.angular_speed_rad_s;
                 self.waiting.push(stamp(time), Held::WheelSpeed(speeds));
             }
-            Measurement::Control(control) => {
-                if let Some(force_n) = control.hitch_force_n() {
-                    self.waiting.push(stamp(time), Held::HitchForce(force_n));
-                }
-                if let Some(temperatures_c) = control.bridge_temperatures_c() {
-                    self.waiting
-                        .push(stamp(time), Held::BridgeTemperature(temperatures_c));
-                }
-                if let Some(angles) = control.wheel_angles_rad().filter(|_| uses(Input::Steer)) {
-                    let angles = self.calibration.wheel_angles_rad(angles);
-                    self.waiting.push(stamp(time), Held::WheelAngles(angles));
-                }
-                if let Some(torques_n_m) = control.wheel_torques_n_m() {
-                    self.waiting
-                        .push(stamp(time), Held::WheelTorque(torques_n_m));
-                }
-            }
+            Measurement::Control(control) => self.push_control(stamp(time), control),
             Measurement::HubAcceleration(hub) if uses(Input::HubAcceleration) => {
                 self.waiting.push(stamp(time), Held::HubAcceleration(*hub));
             }

@@ -53,16 +53,14 @@ impl ExpectedForces {
             state: State::at_rest(),
             drive_split_front: vehicle.drivetrain.drive_split_front,
             brake_split_front: vehicle.drivetrain.brake_split_front,
-            slip_stiffness_n: [
-                vehicle.front.tyre.slip_stiffness_n.max(1.0),
-                vehicle.rear.tyre.slip_stiffness_n.max(1.0),
-            ],
+            slip_stiffness_n: slip_stiffness_n(vehicle),
         }
     }
 
-    /// The same model with a vehicle whose mass properties have changed.
+    /// The same model with a vehicle whose mass properties or tyres have changed.
     pub fn load(&mut self, vehicle: &Vehicle) {
         self.parameters = Parameters::from_vehicle(vehicle);
+        self.slip_stiffness_n = slip_stiffness_n(vehicle);
     }
 
     /// Propagates the model by `dt`.
@@ -164,4 +162,9 @@ impl ExpectedForces {
             ..TyreForce::default()
         }))
     }
+}
+
+/// Slip stiffness of a tyre of each axle, N.
+fn slip_stiffness_n(vehicle: &Vehicle) -> [f64; 2] {
+    [&vehicle.front, &vehicle.rear].map(|axle| axle.tyre.slip_stiffness_n.max(1.0))
 }

@@ -147,6 +147,15 @@ impl Grip {
         }
     }
 
+    /// The same factors on the stiffness and friction of other tyres.
+    pub fn load(&mut self, vehicle: &Vehicle) {
+        let tyres = [&vehicle.front.tyre, &vehicle.rear.tyre];
+        for (axle, tyre) in self.axles.iter_mut().zip(tyres) {
+            axle.stiffness_n_rad = tyre.cornering_stiffness_n_rad;
+            axle.friction = tyre.friction;
+        }
+    }
+
     /// Estimated grip of an axle at `now`, front (0) or rear (1).
     #[must_use]
     pub fn axle(&self, axle: usize, now: LogTime) -> AxleGrip {

@@ -16,6 +16,7 @@ mod inclination;
 pub mod inertia;
 mod method;
 mod overrides;
+pub mod pressure;
 mod recorded;
 pub mod response;
 pub mod roll_centre;

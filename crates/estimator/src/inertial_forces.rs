@@ -118,6 +118,16 @@ impl InertialForces {
         }
     }
 
+    /// The same forces on other tyres. A handling that was identified stays.
+    pub fn load_tyres(&mut self, vehicle: &Vehicle, calibration: &Resolved) {
+        self.vehicle = vehicle.clone();
+        self.loads
+            .load_tyres(vehicle, calibration.handling.as_ref(), &self.tuning);
+        if calibration.handling.is_none() {
+            self.handling = Handling::of_vehicle(vehicle);
+        }
+    }
+
     /// The forces at one instant; unknown without a specific force along and across the vehicle and a yaw rate.
     pub fn step(&mut self, input: &InertialInput) -> PerWheel<TyreForce> {
         let [forward, left, _] = input.force_m_s2;

@@ -136,6 +136,11 @@ impl LimitsEstimator {
         self.roll = RatioFilter::new(self.roll_file, part * self.roll_file);
         self.standing_ratio = -2.0 * body.cg_y_m / track_m;
         self.climb = Climb::new(vehicle);
+        self.load_tyres(vehicle);
+    }
+
+    /// The same on other tyres.
+    pub fn load_tyres(&mut self, vehicle: &Vehicle) {
         let tyre = &vehicle.front.tyre;
         let load_n = vehicle.static_load_n(sample::Wheel::FrontLeft);
         let at_load = math::powf(load_n / tyre.reference_load_n, tyre.load_exponent);

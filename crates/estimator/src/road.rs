@@ -102,25 +102,27 @@ impl RoadEstimator {
     /// Nothing known yet.
     #[must_use]
     pub fn new(vehicle: &Vehicle, tuning: &RoadTuning) -> Self {
-        let each = |value: fn(&model::vehicle::Tyre) -> f64| {
-            Wheel::ALL.map(|wheel| value(&vehicle.axle(wheel).tyre))
-        };
-        Self {
+        let mut new = Self {
             tuning: *tuning,
-            cg_height_m: vehicle.body.cg_height_m,
-            radius_m: each(|tyre| tyre.unloaded_radius_m),
-            stiffness_n_m: each(|tyre| tyre.vertical_stiffness_n_m.max(1.0)),
-            static_load_n: Wheel::ALL.map(|wheel| vehicle.static_load_n(wheel)),
+            cg_height_m: 0.0,
+            radius_m: [0.0; 4],
+            stiffness_n_m: [0.0; 4],
+            static_load_n: [0.0; 4],
             body: BodyHeight::default(),
             past: [None; LAG],
             footings: Default::default(),
             statistics: RoadStatistics::new(tuning),
-        }
+        };
+        new.load(vehicle);
+        new
     }
 
-    /// The same estimator of a vehicle whose mass properties have changed.
+    /// The same estimator of a vehicle whose mass properties or tyres have changed.
     pub fn load(&mut self, vehicle: &Vehicle) {
+        let tyres = Wheel::ALL.map(|wheel| &vehicle.axle(wheel).tyre);
         self.cg_height_m = vehicle.body.cg_height_m;
+        self.radius_m = tyres.map(|tyre| tyre.unloaded_radius_m);
+        self.stiffness_n_m = tyres.map(|tyre| tyre.vertical_stiffness_n_m.max(1.0));
         self.static_load_n = Wheel::ALL.map(|wheel| vehicle.static_load_n(wheel));
     }
 

@@ -90,6 +90,13 @@ impl TerrainEstimator {
         }
     }
 
+    /// The same on other tyres.
+    pub fn load(&mut self, vehicle: &Vehicle) {
+        let tyres = [&vehicle.front.tyre, &vehicle.rear.tyre];
+        self.file_friction = tyres.map(|tyre| tyre.friction);
+        self.file_resistance = tyres.map(|tyre| tyre.rolling_resistance);
+    }
+
     /// Takes the forces of one instant, contact frame.
     pub fn step(&mut self, dt: f64, speed_m_s: f64, forces: &PerWheel<TyreForce>) {
         let t = &self.tuning;

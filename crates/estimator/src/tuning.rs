@@ -152,6 +152,19 @@ tuning! {
         group terrain: TerrainTuning;
         group planar: PlanarTuning;
         group inertial_forces: InertialForcesTuning;
+        group pressure: PressureTuning;
+    }
+}
+
+tuning! {
+    /// Inflation pressures of the tyres (`estimator/pressure.rs`).
+    PressureTuning {
+        /// Time constant of the low-pass filter: a tyre warms up or loses air in minutes.
+        time_s: f64 = 30.0, "s";
+        /// Relative change of an axle's pressure at which its tyres change. It changes a stiffness by at most 2 %.
+        change: f64 = 0.01, "1";
+        /// Largest pressure that a sensor can report: above it, the sensor is not connected.
+        most_pa: f64 = 2e6, "Pa";
     }
 }
 

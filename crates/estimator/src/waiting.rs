@@ -48,6 +48,8 @@ pub enum Held {
     WheelTorque([[f64; 4]; 2]),
     /// Temperature of the bridges of each wheel, degrees Celsius; `NaN` where there is none.
     BridgeTemperature([f64; 4]),
+    /// Inflation pressure of each tyre, Pa; `NaN` where there is none.
+    TyrePressure([f64; 4]),
 }
 
 /// A sample with its time of validity.
@@ -82,6 +84,7 @@ impl Entry {
             Held::WheelTorque(_) => 14,
             Held::BridgeTemperature(_) => 15,
             Held::WheelAngles(_) => 16,
+            Held::TyrePressure(_) => 17,
         }
     }
 
@@ -106,7 +109,7 @@ impl Entry {
             Held::SteeringWheel(angle) => angle.to_bits(),
             Held::HitchForce(force) => digest(*force),
             Held::WheelTorque(torques) => digest(torques.iter().flatten().copied()),
-            Held::BridgeTemperature(temperatures) => digest(*temperatures),
+            Held::BridgeTemperature(values) | Held::TyrePressure(values) => digest(*values),
             Held::WheelAngles(angles) => digest(*angles),
             Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
             Held::HubAcceleration(hub) => {

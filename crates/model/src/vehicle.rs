@@ -10,6 +10,7 @@ mod derived;
 mod payload;
 mod plain;
 mod plausible;
+mod pressure;
 mod rules;
 mod tyre_file;
 
@@ -21,6 +22,7 @@ use crate::tyre::Tir;
 
 pub use check::Warning;
 pub use payload::{Loaded, MassProperties, Payload};
+pub use pressure::{TyrePressure, pressure_change, pressures_of_axles};
 #[cfg(test)]
 pub(crate) use rules::SECTIONS;
 
@@ -396,6 +398,10 @@ pub struct Tyre {
     /// Camber stiffness, N/rad. Beside `tir` it has no influence on the formula.
     #[serde(default = "unset")]
     pub camber_stiffness_n_rad: f64,
+    /// Change with the inflation pressure. Beside `tir` of the Magic Formula 6.1 it is refused: that file has its own
+    /// terms of the pressure.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pressure: Option<TyrePressure>,
 }
 
 /// Steering gear.

@@ -227,12 +227,14 @@ impl<'py> Rows<'_, 'py> {
             "drive_torque_n_m",
             "brake_torque_n_m",
             "bridge_temperature_c",
+            "tyre_pressure_pa",
         ])?;
         let hitch = self.optional_vectors::<3>("hitch_force_n")?;
         let kinds = [
             ("drive_torque_n_m", "drive_torque", "N m"),
             ("brake_torque_n_m", "brake_torque", "N m"),
             ("bridge_temperature_c", "bridge_temperature", "degC"),
+            ("tyre_pressure_pa", "tyre_pressure", "Pa"),
         ];
         let mut of_wheels = Vec::new();
         for (argument, name, unit) in kinds {

@@ -14,7 +14,7 @@ use crate::frame::{CommonInstants, Frame, Thinning};
 use crate::options::Options;
 use crate::{Error, Progress};
 pub use learnt::{Grip, Learnt};
-pub use sources::{SourceRates, local_m, place_of};
+pub use sources::{SourceRates, TYRE_PRESSURE, local_m, place_of};
 
 /// Topics whose messages are read one by one; they are few.
 const RECORDS: [&str; 9] = [
@@ -124,7 +124,7 @@ enum Sink {
     Ground,
     Rollover,
     Sensor,
-    /// Values of controllers, of which the angles of the front wheels are drawn.
+    /// Values of controllers, of which the angles of the front wheels and the pressures of the tyres are drawn.
     Control,
 }
 

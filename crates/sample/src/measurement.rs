@@ -417,16 +417,27 @@ impl ControlSample {
     /// unit degC. `NaN` where a wheel has no value; `None` where none has one.
     #[must_use]
     pub fn bridge_temperatures_c(&self) -> Option<[f64; 4]> {
-        let mut temperatures = [f64::NAN; 4];
+        self.of_wheels("bridge_temperature_", "degC")
+    }
+
+    /// Inflation pressure of each wheel's tyre above that of the air, Pa: values with the names `tyre_pressure_FL` and
+    /// the unit Pa. `NaN` where a wheel has no value; `None` where none has one.
+    #[must_use]
+    pub fn tyre_pressures_pa(&self) -> Option<[f64; 4]> {
+        self.of_wheels("tyre_pressure_", "Pa")
+    }
+
+    /// Values of the wheels with a beginning of their names and a unit; `None` where no wheel has a finite one.
+    fn of_wheels(&self, beginning: &str, wanted: &str) -> Option<[f64; 4]> {
+        let mut found = [f64::NAN; 4];
         for Signal { name, value, unit } in &self.values {
-            let corner = name.strip_prefix("bridge_temperature_");
+            let corner = name.strip_prefix(beginning);
             let wheel = corner.and_then(Wheel::from_abbreviation);
-            if let (Some(wheel), "degC") = (wheel, &**unit) {
-                temperatures[wheel.index()] = *value;
+            if let Some(wheel) = wheel.filter(|_| &**unit == wanted) {
+                found[wheel.index()] = *value;
             }
         }
-        let any = temperatures.iter().any(|value| value.is_finite());
-        any.then_some(temperatures)
+        found.iter().any(|value| value.is_finite()).then_some(found)
     }
 
     /// Steer angle of the left and the right front wheel against the chassis, left positive, rad: values with

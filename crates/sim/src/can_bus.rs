@@ -11,6 +11,7 @@ use crate::hidden::Hidden;
 use crate::hub::HubAccelerometer;
 use crate::random::Noise;
 use crate::steering::{ENCODER_FRAME, RODS_FRAME, RODS_FRAME_BYTES, SteeringSensor};
+use crate::tyre_pressure::{TYRE_PRESSURE_BYTES, TYRE_PRESSURE_FRAME, TyrePressureSensors};
 use crate::wheel_angles::{WHEEL_ANGLES_BYTES, WHEEL_ANGLES_FRAME, WheelAngleSensors};
 use crate::{Motion, Options, SimError};
 
@@ -42,6 +43,7 @@ pub(crate) struct CanBus {
     boxes: Ticker,
     steering: Option<SteeringSensor>,
     wheel_angles: Option<WheelAngleSensors>,
+    tyre_pressure: Option<TyrePressureSensors>,
     wheel_speed: Ticker,
     /// Converter instants of the potentiometers.
     deflection: Ticker,
@@ -116,6 +118,7 @@ impl CanBus {
             deflection: Ticker::new("deflection.rate_hz", sensors.deflection.rate_hz)?,
             steering: SteeringSensor::new(vehicle, sensors, hidden, seed)?,
             wheel_angles: WheelAngleSensors::new(sensors, seed)?,
+            tyre_pressure: TyrePressureSensors::new(options)?,
             wheel_speed: Ticker::new("wheel_speed.rate_hz", sensors.wheel_speed.rate_hz)?,
             free_at_s: 0.0,
             end_s: motion.duration_s(),
@@ -154,6 +157,7 @@ impl CanBus {
             .map(Ticker::next_s)
             .chain(self.steering.as_ref().map(SteeringSensor::next_s))
             .chain(self.wheel_angles.as_ref().map(WheelAngleSensors::next_s))
+            .chain(self.tyre_pressure.as_ref().map(TyrePressureSensors::next_s))
             .fold(f64::INFINITY, f64::min);
         if time_s > self.end_s {
             return Vec::new();
@@ -179,6 +183,8 @@ impl CanBus {
         frames.extend(steering.and_then(|sensor| sensor.frame(&state)));
         let angles = self.wheel_angles.as_mut();
         frames.extend(angles.and_then(|sensors| sensors.frame(&state)));
+        let pressures = self.tyre_pressure.as_mut();
+        frames.extend(pressures.and_then(|sensors| sensors.frame(time_s)));
         if self.wheel_speed.due(time_s) {
             let (noise, sigma) = (&mut self.noise_wheel_speed, self.wheel_noise_fraction);
             let speeds = state
@@ -241,6 +247,9 @@ pub fn frame_latencies_s(sensors: &Sensors, options: &Options) -> Vec<(u32, f64)
         frames.push((WHEEL_ANGLES_FRAME, WHEEL_ANGLES_BYTES));
     }
     frames.push((WHEEL_SPEED_FRAME, 8));
+    if options.tyre_pressure_pa.is_some() {
+        frames.push((TYRE_PRESSURE_FRAME, TYRE_PRESSURE_BYTES));
+    }
     if sensors.hub_acceleration.is_some() {
         frames.extend(
             BOX.0

@@ -36,6 +36,7 @@ mod slope;
 mod steering;
 mod truth;
 mod truth_params;
+mod tyre_pressure;
 mod virtual_vehicle;
 mod wheel_angles;
 mod workshop;

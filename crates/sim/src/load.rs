@@ -7,6 +7,7 @@ use model::sensors::Sensors;
 use crate::can_bus::{HUB_FRAME_BYTES, frame_bits};
 use crate::emission::Port;
 use crate::steering::RODS_FRAME_BYTES;
+use crate::tyre_pressure::{TYRE_PRESSURE_BYTES, TYRE_PRESSURE_HZ};
 use crate::wheel_angles::WHEEL_ANGLES_BYTES;
 use crate::{Options, SeptentrioBlocks, SimError, VelocityReceiver};
 
@@ -205,6 +206,10 @@ fn can_load(sensors: &Sensors, options: &Options) -> PortLoad {
     }
     let wheel_hz = sensors.wheel_speed.rate_hz;
     parts.push(part("wheel_speed.rate_hz", 1.0, wheel_hz, 8));
+    if options.tyre_pressure_pa.is_some() {
+        let field = "tyre_pressure_pa of the options";
+        parts.push(part(field, 1.0, TYRE_PRESSURE_HZ, TYRE_PRESSURE_BYTES));
+    }
     if let Some(hub) = &sensors.hub_acceleration {
         let field = "hub_acceleration.rate_hz";
         parts.push(part(field, 4.0, hub.rate_hz, HUB_FRAME_BYTES));

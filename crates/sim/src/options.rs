@@ -43,6 +43,10 @@ pub struct Options {
     pub position_correlation_s: f64,
     /// Toe compliance and play of the front wheels, instead of those of the vehicle file.
     pub toe: Option<Toe>,
+    /// Inflation pressure of each tyre above that of the air, Pa, in the order front left, front right, rear left, rear
+    /// right. The vehicle drives on tyres at these pressures, and a sensor in each wheel sends them. Absent: the tyres of
+    /// the vehicle file, without sensors.
+    pub tyre_pressure_pa: Option<[f64; 4]>,
     /// Errors of sensors and mounting that no file tells.
     pub hidden: HiddenErrors,
     /// What goes wrong on purpose.
@@ -69,6 +73,7 @@ impl Default for Options {
             imu_clock_ppm: 12.0,
             position_correlation_s: 60.0,
             toe: None,
+            tyre_pressure_pa: None,
             hidden: HiddenErrors::default(),
             faults: Faults::default(),
         }

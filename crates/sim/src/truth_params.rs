@@ -313,6 +313,7 @@ impl Params {
                 relaxation_length_m: 0.0,
                 rolling_resistance: ROLLING_RESISTANCE,
                 camber_stiffness_n_rad: 0.0,
+                pressure: None,
             },
         }
     }

@@ -12,7 +12,7 @@ use engine::config::{TOML_MAX, read_text};
 use engine::output::{Kind, Target};
 use engine::{Config, Window, read_drive, read_swing, vehicle_file, vehicle_of};
 use estimator::identification::inertia::Pendulum;
-use estimator::identification::{Identified, Method, against, roll_centres, swing, tyre};
+use estimator::identification::{Identified, Method, against, pressure, roll_centres, swing, tyre};
 use store::Reader;
 
 use crate::cli::{
@@ -109,7 +109,9 @@ fn tyres(args: &TyreArgs) -> anyhow::Result<Found> {
             .results
     };
     let differences = against::differences(&found.identified.results, &others)?;
+    let laws = pressure::laws(&found.identified.results, &others);
     found.identified.results.extend(differences);
+    found.identified.extend(laws);
     Ok(found)
 }
 

@@ -51,8 +51,21 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 
 #[test]
 fn the_bound_of_the_limits_holds_on_runs_to_the_limit() {
+    score(&[1]);
+}
+
+#[test]
+#[ignore = "seeds for scoring"]
+fn scored_seeds() {
+    score(&[1, 2, 3, 4]);
+}
+
+fn score(seeds: &[u32]) {
     let (mut reachable, mut windows, mut holds, mut used, mut near) = (0.0, 0, 0, 0, 0);
-    for run in RUNS {
+    let drives = RUNS
+        .iter()
+        .flat_map(|run| seeds.iter().map(|seed| (*run, *seed)));
+    for (number, (run, seed)) in drives.enumerate() {
         let Some(truth) = testkit::shared(&format!("data/truth-second/{run}.parquet")) else {
             return;
         };
@@ -63,6 +76,7 @@ fn the_bound_of_the_limits_holds_on_runs_to_the_limit() {
             .arg(&truth)
             .args(["--vehicle", "second-vehicle"])
             .args(["--sensors", "second-vehicle-10bit"])
+            .args(["--seed", &seed.to_string()])
             .assert()
             .success();
         let (limits, lateral) = read(directory.path());
@@ -78,7 +92,7 @@ fn the_bound_of_the_limits_holds_on_runs_to_the_limit() {
                 .filter(move |(time, _)| within(*time, from_s));
             inside.map(|(_, value)| *value)
         };
-        if run == RUNS[0] {
+        if number == 0 {
             let means = all.iter().map(|from_s| mean(lateral_in(*from_s)).abs());
             reachable = means.fold(0.0, f64::max);
         }
@@ -99,11 +113,13 @@ fn the_bound_of_the_limits_holds_on_runs_to_the_limit() {
                 near += usize::from((bound - left).abs() <= NEAR * reachable);
             }
             if bound > left || (bound - left).abs() > NEAR * reachable {
-                println!("{run} at {from_s} s: at least {bound:.2} of {left:.2} m/s^2");
+                println!(
+                    "{run}, seed {seed}, at {from_s} s: at least {bound:.2} of {left:.2} m/s^2"
+                );
             }
         }
         println!(
-            "{run}: {windows} windows, {holds} hold; {used} used, {near} near; {reachable:.2} m/s^2"
+            "{run}, seed {seed}: {windows} windows so far, {holds} hold; {used} used, {near} near; {reachable:.2} m/s^2"
         );
     }
     assert!(windows > 50 && used > 5, "{windows} {used}");

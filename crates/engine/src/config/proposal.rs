@@ -33,7 +33,7 @@ struct Row {
 const ON_A_WHEEL: &[&str] = &["wheel", "whl", "hub", "fl", "fr", "rl", "rr", "engine"];
 
 /// The roles. A signal gets the first role that its name fits.
-const ROWS: [Row; 11] = [
+const ROWS: [Row; 12] = [
     Row {
         role: "steer_{side}",
         sure: &[
@@ -66,6 +66,26 @@ const ROWS: [Row; 11] = [
         hint: &[],
         without: &[
             "hand", "steer", "steering", "speed", "rate", "rl", "rr", "rear",
+        ],
+    },
+    Row {
+        role: "tyre_pressure.{wheel}",
+        sure: &[
+            &["tyre", "pressure"],
+            &["tire", "pressure"],
+            &["tyrepressure"],
+            &["tirepressure"],
+            &["inflation", "pressure"],
+            &["tpms", "pressure"],
+        ],
+        hint: &[&["tpms"]],
+        without: &[
+            "temperature",
+            "temp",
+            "warning",
+            "state",
+            "status",
+            "target",
         ],
     },
     Row {

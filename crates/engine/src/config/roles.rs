@@ -80,6 +80,8 @@ pub enum ControlValue {
     BrakePressure(Wheel),
     /// Temperature of the bridges of a corner.
     BridgeTemperature(Wheel),
+    /// Inflation pressure of a wheel's tyre above that of the air.
+    TyrePressure(Wheel),
     /// Position of the throttle or of its pedal.
     Throttle,
     /// Torque of the engine.
@@ -98,6 +100,7 @@ impl ControlValue {
             Self::BrakeTorque(wheel) => of("brake_torque", wheel),
             Self::BrakePressure(wheel) => of("brake_pressure", wheel),
             Self::BridgeTemperature(wheel) => of("bridge_temperature", wheel),
+            Self::TyrePressure(wheel) => of("tyre_pressure", wheel),
             Self::Throttle => "throttle".to_owned(),
             Self::EngineTorque => "engine_torque".to_owned(),
         }
@@ -110,7 +113,7 @@ impl ControlValue {
             Self::WheelAngle(_) => "rad",
             Self::HitchForce(_) => "N",
             Self::DriveTorque(_) | Self::BrakeTorque(_) | Self::EngineTorque => "N m",
-            Self::BrakePressure(_) => "Pa",
+            Self::BrakePressure(_) | Self::TyrePressure(_) => "Pa",
             Self::BridgeTemperature(_) => "degC",
             Self::Throttle => "1",
         }
@@ -121,7 +124,7 @@ impl ControlValue {
             Self::WheelAngle(_) => Dimension::Angle,
             Self::HitchForce(_) => Dimension::Force,
             Self::DriveTorque(_) | Self::BrakeTorque(_) | Self::EngineTorque => Dimension::Moment,
-            Self::BrakePressure(_) => Dimension::Pressure,
+            Self::BrakePressure(_) | Self::TyrePressure(_) => Dimension::Pressure,
             Self::BridgeTemperature(_) => Dimension::Temperature,
             Self::Throttle => Dimension::Ratio,
         }
@@ -404,6 +407,7 @@ fn read_controls(
             ("brake_torque", ControlValue::BrakeTorque(wheel)),
             ("brake_pressure", ControlValue::BrakePressure(wheel)),
             ("bridge_temperature", ControlValue::BridgeTemperature(wheel)),
+            ("tyre_pressure", ControlValue::TyrePressure(wheel)),
         ]
     };
     for (number, (name, _)) in of_wheels(Wheel::FrontLeft).into_iter().enumerate() {
@@ -411,11 +415,14 @@ fn read_controls(
         for wheel in Wheel::ALL {
             let corner = wheel.abbreviation();
             let field = wheels.optional::<String>(corner, collector);
+            let value = of_wheels(wheel)[number].1;
+            let default = format!("TyrePressure.{corner}");
+            let default = matches!(value, ControlValue::TyrePressure(_)).then_some(&*default);
             add(
                 field,
                 &format!("{name}.{corner}"),
-                None,
-                of_wheels(wheel)[number].1,
+                default,
+                value,
                 collector,
             );
         }

@@ -5,7 +5,7 @@ use model::suspension::{
     BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, SuspensionError,
     TyreFrame, WheelPath,
 };
-use model::vehicle::{Strut, Unsprung, Vehicle};
+use model::vehicle::{Strut, Tyre, Unsprung, Vehicle};
 use nalgebra::Vector3;
 use sample::{LogTime, PerWheel, Wheel};
 
@@ -98,6 +98,12 @@ impl Linkage {
         }
         self.fallback_load_n = vehicle.static_load_n(wheel);
         Ok(())
+    }
+
+    /// The same linkage on another tyre.
+    pub(super) fn load_tyre(&mut self, tyre: &Tyre) {
+        self.radius_m = tyre.unloaded_radius_m;
+        self.tyre_stiffness_n_m = tyre.vertical_stiffness_n_m.max(1.0);
     }
 
     /// Rate of the strut's length, m/s.

@@ -34,7 +34,7 @@ impl Estimator {
         let Loaded {
             vehicle,
             cg_shift_m,
-        } = self.unloaded.loaded(&names)?;
+        } = self.pressures.applied(&self.unloaded).loaded(&names)?;
         if let Some(corners) = &mut self.corners {
             corners.load(&vehicle)?;
         }

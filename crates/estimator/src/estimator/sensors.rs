@@ -1,11 +1,14 @@
 //! Stage 1: the motion sensors. A monitor judges each reading, then the motion filter takes it.
 
 use nalgebra::Vector3;
-use sample::{GnssAttitude, GnssVelocity, HubAccelerationSample, ImuSample, LogTime, SourceId};
+use sample::{
+    ControlSample, GnssAttitude, GnssVelocity, HubAccelerationSample, ImuSample, LogTime, SourceId,
+};
 
 use super::events::hub_event;
 use super::monitors::report;
 use super::{Estimator, Output};
+use crate::Input;
 use crate::grid::GRID_S;
 use crate::inputs::{Stamp, finite3};
 use crate::motion::VelocityReceiver;
@@ -13,6 +16,26 @@ use crate::triads::Triads;
 use crate::waiting::Held;
 
 impl Estimator {
+    pub(super) fn push_control(&mut self, stamp: Stamp, control: &ControlSample) {
+        let mut wait = |held| self.waiting.push(stamp, held);
+        if let Some(force_n) = control.hitch_force_n() {
+            wait(Held::HitchForce(force_n));
+        }
+        if let Some(temperatures_c) = control.bridge_temperatures_c() {
+            wait(Held::BridgeTemperature(temperatures_c));
+        }
+        if let Some(pressures_pa) = control.tyre_pressures_pa() {
+            wait(Held::TyrePressure(pressures_pa));
+        }
+        let angles = control.wheel_angles_rad();
+        if let Some(angles) = angles.filter(|_| self.settings.uses(Input::Steer)) {
+            wait(Held::WheelAngles(self.calibration.wheel_angles_rad(angles)));
+        }
+        if let Some(torques_n_m) = control.wheel_torques_n_m() {
+            wait(Held::WheelTorque(torques_n_m));
+        }
+    }
+
     pub(super) fn push_imu(&mut self, stamp: Stamp, imu: &ImuSample) {
         if !imu.valid {
             self.waiting.push(stamp, Held::NoInertial);

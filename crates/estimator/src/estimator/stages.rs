@@ -47,6 +47,7 @@ impl Estimator {
         self.motion.set_imu_consistent(self.feedback.imu_consistent);
         self.take_waiting(time, out);
         self.correct_drift(time, out);
+        self.follow_pressure();
         self.monitor_biases(time, out);
         let settling_s = self.settings.tuning.settling_s;
         let settled = |since| time.seconds_since(since) > settling_s;
@@ -110,6 +111,7 @@ impl Estimator {
                 Held::BridgeTemperature(temperatures_c) => {
                     self.temperatures.push(time, &temperatures_c);
                 }
+                Held::TyrePressure(pressures_pa) => self.pressures.push(time, &pressures_pa),
                 Held::WheelAngles(angles) => self.readings.push_wheel_angles(time, &angles),
                 Held::WheelTorque(torques) => self.readings.push_torques(time, &torques),
                 Held::WheelSpeed(speeds) => {

@@ -38,6 +38,8 @@ struct Set {
     findings: Vec<Value>,
     #[serde(default)]
     covariance: Vec<Vec<f64>>,
+    #[serde(default)]
+    beside: Vec<(String, f64, String)>,
 }
 
 #[derive(Deserialize)]
@@ -79,6 +81,7 @@ pub fn results(text: &str) -> Result<Vec<Findings>, EstimatorError> {
         what: set.what,
         findings: set.findings.into_iter().map(finding).collect(),
         covariance: set.covariance,
+        beside: set.beside,
         ..Findings::default()
     };
     Ok(file.result.into_iter().map(findings).collect())

@@ -3,17 +3,18 @@
 //! The aligning moment is M_z = -t F_y. The trail t shrinks as the contact patch begins to slide. To first order
 //! in the used part of the grip u = |F_y|/(mu F_z),
 //!
-//! M_z = -n_0 s F_y + n_1 s u F_y + m, s = sqrt(F_z/F_z0)
+//! M_z = -n s (1 - r u) F_y + m, s = sqrt(F_z/F_z0)
 //!
 //! | symbol | name | unit |
 //! |---|---|---|
-//! | n_0 | pneumatic trail without sliding at the reference load F_z0 | m |
-//! | n_1 | loss of the trail at the limit of grip, by the slope at small u | m |
+//! | n | pneumatic trail without sliding at the reference load F_z0 | m |
+//! | r | loss of the trail at the limit of grip by the slope at small u, as a part of n | - |
 //! | s | growth of the length of the contact patch with the load | - |
 //! | m | constant moment of a wheel: the error of the zero of its tie rod | N m |
 //!
-//! Both n_0 and n_1 are estimated, so that the shape of the loss is that of the data. Rows near the limit of grip
-//! are left out, because the loss is not linear there.
+//! r is not estimated: load and used grip of a wheel change together, so that a small error of the moment that changes
+//! with the load would become a large error of n and r. Its standard deviation is part of that of n. Rows near the limit
+//! of grip are left out, because the loss is not linear there.
 
 use nalgebra::DVector;
 
@@ -31,8 +32,11 @@ const TASK: Task = Task {
 const LONGITUDINAL_MAX: f64 = 0.1;
 /// Largest used part of the grip.
 const USED_MAX: f64 = 0.6;
+/// r and its standard deviation: the trail of a brush tyre (Fiala's moment) has 0.67 at small u and 0.79 at u = 0.6, a
+/// trail that falls along a straight line to the limit has 1.
+const LOSS: [f64; 2] = [0.9, 0.15];
 /// Standard deviation of the position of the contact point along the wheel, m. It adds to the trail: 5 mm are the
-/// pitch of 1 degree at a radius of 0.3 m. On drives of the virtual vehicle the error of the trail is up to 9 mm.
+/// pitch of 1 degree at a radius of 0.3 m.
 const CONTACT_SIGMA_M: f64 = 0.005;
 /// Least standard deviation of the lateral force over the load.
 const FORCE_MIN: f64 = 0.08;
@@ -83,8 +87,7 @@ type Rows = both_wheels::Rows<4>;
 
 /// Finds the pneumatic trail of an axle's tyres.
 ///
-/// Findings: `pneumatic_trail` (n_0, m), `trail_loss` (n_1, m), `aligning_offset_left` and `aligning_offset_right`
-/// (N m). Beside them: the slope of the aligning moment over the slip angle with the cornering stiffness of the file.
+/// Findings: `pneumatic_trail` (n, m), `aligning_offset_left` and `aligning_offset_right` (N m). Beside them: the slope of the aligning moment over the slip angle with the cornering stiffness of the file.
 ///
 /// # Errors
 /// Columns that differ in length, too little data, forces that do not change, moments that are unknown.
@@ -112,11 +115,16 @@ pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refus
             && along_n.abs() < LONGITUDINAL_MAX * load_n
     })?;
     rows.excited(2, "lateral force", FORCE_MIN)?;
-    let mut fit = rows.fit(0, |&[_, _, force_n, load_n]| {
-        let longer = (load_n / options.reference_load_n).sqrt();
-        let used = force_n.abs() / (options.friction * load_n);
-        [-longer * force_n, longer * used * force_n]
-    })?;
+    let fitted = |loss: f64| {
+        rows.fit(0, |&[_, _, force_n, load_n]| {
+            let longer = (load_n / options.reference_load_n).sqrt();
+            let used = force_n.abs() / (options.friction * load_n);
+            [-longer * (1.0 - loss * used) * force_n]
+        })
+    };
+    let [loss, loss_sigma] = LOSS;
+    let mut fit = fitted(loss)?;
+    Rows::doubt(&mut fit, [fitted(loss + loss_sigma)])?;
     let mut moved = DVector::zeros(fit.coefficients.len());
     moved[0] = CONTACT_SIGMA_M;
     fit.doubt(&moved);
@@ -124,11 +132,11 @@ pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refus
 }
 
 fn findings(fit: &Fit, rows: &Rows, options: &Options) -> Findings {
-    let named = [("pneumatic_trail", 0), ("trail_loss", 1)].map(|(name, j)| Named {
-        name,
+    let named = [Named {
+        name: "pneumatic_trail",
         unit: "m",
-        excitation: Some((fit.excitation[j], "N")),
-    });
+        excitation: Some((fit.excitation[0], "N")),
+    }];
     let constants = (["aligning_offset_left", "aligning_offset_right"], "N m");
     let expected = (rows.values.iter().zip(&fit.residuals))
         .map(|(row, residual)| row[0] - residual)

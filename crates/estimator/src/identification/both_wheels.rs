@@ -121,18 +121,21 @@ impl<const N: usize> Rows<N> {
         self.left > 0 && self.left < self.values.len()
     }
 
-    /// Fits the column `response` with two terms of each row and a constant for each wheel.
-    pub(super) fn fit(
+    /// Fits the column `response` with some terms of each row and a constant for each wheel.
+    pub(super) fn fit<const TERMS: usize>(
         &self,
         response: usize,
-        terms: impl Fn(&[f64; N]) -> [f64; 2],
+        terms: impl Fn(&[f64; N]) -> [f64; TERMS],
     ) -> Result<Fit, Refusal> {
         let both = self.has_both();
         let size = self.values.len();
-        let design = DMatrix::from_fn(size, if both { 4 } else { 3 }, |row, column| match column {
-            0 | 1 => terms(&self.values[row])[column],
-            2 => f64::from(!both || row < self.left),
-            _ => f64::from(row >= self.left),
+        let constants = if both { 2 } else { 1 };
+        let design = DMatrix::from_fn(size, TERMS + constants, |row, column| {
+            match column.checked_sub(TERMS) {
+                None => terms(&self.values[row])[column],
+                Some(0) => f64::from(!both || row < self.left),
+                Some(_) => f64::from(row >= self.left),
+            }
         });
         least_squares(&design, &DVector::from_vec(self.column(response)))
             .map_err(|refusal| refusal.of(self.task.what).advise(self.task.advice))
@@ -150,13 +153,13 @@ impl<const N: usize> Rows<N> {
         Ok(())
     }
 
-    /// The values that `parameters` makes of the coefficients, with the covariance: two with names, then the constants
+    /// The values that `parameters` makes of the coefficients, with the covariance: those with names, then the constants
     /// of the wheels.
-    pub(super) fn findings(
+    pub(super) fn findings<const TERMS: usize>(
         &self,
         fit: &Fit,
         seed: u64,
-        named: [Named; 2],
+        named: [Named; TERMS],
         (constants, unit): ([&'static str; 2], &str),
         parameters: impl Fn(&[f64]) -> Vec<f64>,
         covariance: &DMatrix<f64>,

@@ -12,7 +12,7 @@
 //! | C_g | camber stiffness of one tyre | N/rad |
 //! | gamma | inclination of the wheel to the normal of the ground, top to the right positive | rad |
 //! | C | cornering stiffness of one tyre at the reference load F_z0 | N/rad |
-//! | alpha | slip angle, delayed by the relaxation length | rad |
+//! | alpha | slip angle of the velocity of the contact point, delayed by the relaxation length | rad |
 //! | alpha_0 | error of the slip angle of a wheel (toe, zero of the steer angle) | rad |
 //!
 //! G is the inverse of the brush tyre's parabola, n the load exponent and mu the friction of the vehicle file.
@@ -44,11 +44,17 @@ const VERTICAL_MAX_M_S2: f64 = 0.3;
 /// Relative standard deviation of the friction, and standard deviation of the load exponent of the vehicle file.
 const DOUBT: [f64; 2] = [0.1, 0.15];
 
+/// Relaxation length with its standard deviation added, over that of the vehicle file.
+pub(super) const LONGER: f64 = 1.5;
+
 /// Slip angle, force and inclination of one wheel, `NaN` where unknown; columns of one length.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Data {
     /// Tangent of the slip angle, delayed by the relaxation length.
     pub slip_tangent: Vec<f64>,
+    /// The same with a relaxation length that is longer by its standard deviation, and for the velocity of the wheel centre
+    /// in the place of that of the contact point. The differences are standard deviations of the slip.
+    pub moved_slip_tangent: [Vec<f64>; 2],
     /// Inclination to the normal of the ground, rad.
     pub inclination_rad: Vec<f64>,
     /// Force along the wheel, N.
@@ -61,8 +67,12 @@ pub struct Data {
 
 impl Data {
     fn columns(&self) -> [&[f64]; 5] {
+        self.columns_with(&self.slip_tangent)
+    }
+
+    fn columns_with<'d>(&'d self, slip_tangent: &'d [f64]) -> [&'d [f64]; 5] {
         [
-            &self.slip_tangent,
+            slip_tangent,
             &self.inclination_rad,
             &self.longitudinal_n,
             &self.lateral_n,
@@ -112,19 +122,7 @@ pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refus
             ),
         });
     }
-    let names = [
-        "slip angle",
-        "inclination",
-        "longitudinal force",
-        "lateral force",
-        "load",
-    ];
-    let wheels = wheels.each_ref().map(Data::columns);
-    let rows = Rows::usable(TASK, options.dt_s, names, wheels, |row| {
-        let [_, _, along_n, across_n, load_n] = *row;
-        across_n.abs() < USED_MAX * options.friction * load_n
-            && along_n.abs() < LONGITUDINAL_MAX * load_n
-    })?;
+    let rows = usable(wheels.each_ref().map(Data::columns), options)?;
     let mut fit = fitted(&rows, options)?;
     let found = fit.excitation[1];
     if found < INCLINATION_MIN_RAD {
@@ -148,7 +146,28 @@ pub fn identify(wheels: &[Data; 2], options: &Options) -> Result<Findings, Refus
         },
     ];
     Rows::doubt(&mut fit, moved.iter().map(|other| fitted(&rows, other)))?;
+    let slips = [0, 1].map(|k| {
+        let moved = wheels.each_ref();
+        let columns = moved.map(|wheel| wheel.columns_with(&wheel.moved_slip_tangent[k]));
+        fitted(&usable(columns, options)?, options)
+    });
+    Rows::doubt(&mut fit, slips)?;
     Ok(findings(&fit, &rows, options))
+}
+
+fn usable(wheels: [[&[f64]; 5]; 2], options: &Options) -> Result<Rows, Refusal> {
+    let names = [
+        "slip angle",
+        "inclination",
+        "longitudinal force",
+        "lateral force",
+        "load",
+    ];
+    Rows::usable(TASK, options.dt_s, names, wheels, |row| {
+        let [_, _, along_n, across_n, load_n] = *row;
+        across_n.abs() < USED_MAX * options.friction * load_n
+            && along_n.abs() < LONGITUDINAL_MAX * load_n
+    })
 }
 
 fn fitted(rows: &Rows, options: &Options) -> Result<Fit, Refusal> {

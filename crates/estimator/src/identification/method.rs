@@ -4,14 +4,14 @@
 use model::vehicle::{Tyre, Vehicle};
 
 use super::{
-    Overrides, Recorded, aligning, camber, cornering, friction, inertia, response, roll_centre,
-    roll_pitch, slip, toe, tyre, understeer,
+    Overrides, Recorded, aligning, camber, cornering, friction, inertia, pressure, response,
+    roll_centre, roll_pitch, slip, toe, tyre, understeer,
 };
 use crate::EstimatorError;
 use crate::finding::{Findings, Refusal};
 
 /// Names of the axles, front first.
-const AXLES: [&str; 2] = ["front", "rear"];
+pub(super) const AXLES: [&str; 2] = ["front", "rear"];
 
 /// Sensors on which the estimates of a drive depend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +83,14 @@ pub struct Identified {
     pub overrides: Overrides,
 }
 
+impl Identified {
+    /// Adds the results of another method; its fields go before those of this one.
+    pub fn extend(&mut self, other: Self) {
+        self.results.extend(other.results);
+        self.overrides.extend(other.overrides);
+    }
+}
+
 impl Method {
     /// Name of the command.
     #[must_use]
@@ -147,6 +155,12 @@ impl Method {
     /// # Errors
     /// If the drive does not tell what is looked for.
     pub fn identify(&self, recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
+        let mut found = self.apply(recorded, seed)?;
+        pressure::to_nominal(&mut found.overrides, recorded);
+        Ok(found)
+    }
+
+    fn apply(&self, recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
         match self {
             Self::Cornering => cornering(recorded, seed),
             Self::Tyre(kinds) => tyre(recorded, kinds, seed),
@@ -218,6 +232,7 @@ fn tyre(
             match tyre::fit(&data, *kind, file.reference_load_n, held, seed) {
                 Ok((mut result, _)) => {
                     result.what = format!("{name} {}", result.what);
+                    pressure::note(&mut result, recorded, axle);
                     if *kind == tyre::Kind::Fiala {
                         tyre_overrides(&mut found.overrides, name, &result);
                     }

@@ -22,6 +22,18 @@ impl Overrides {
         self.0.insert(field.to_owned(), Value::Array(list));
     }
 
+    /// Multiplies a number, if the field is overridden.
+    pub(super) fn scale(&mut self, field: &str, factor: f64) {
+        if let Some(Value::Float(value)) = self.0.get_mut(field) {
+            *value *= factor;
+        }
+    }
+
+    /// Adds the fields of others; theirs go before.
+    pub(super) fn extend(&mut self, others: Self) {
+        self.0.extend(others.0);
+    }
+
     /// The fields and their values.
     #[must_use]
     pub const fn table(&self) -> &Table {

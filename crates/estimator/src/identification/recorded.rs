@@ -1,7 +1,7 @@
 //! What an estimator gave for a drive, as identification takes it.
 
 use model::steering::SteeringGear;
-use model::vehicle::Vehicle;
+use model::vehicle::{Vehicle, pressures_of_axles};
 use sample::{PerWheel, Wheel};
 
 use super::inclination::{Inclinations, WheelRow};
@@ -58,8 +58,12 @@ pub struct TyreForces {
 /// A drive with the vehicle that made it.
 #[derive(Clone, Debug)]
 pub struct Recorded {
-    /// The vehicle.
+    /// The vehicle, with its tyres at the pressures of the drive.
     pub vehicle: Vehicle,
+    /// The vehicle of the file, whose tyres are at their nominal pressures.
+    pub(super) nominal: Vehicle,
+    /// Mean inflation pressure of each axle's tyres, Pa; `NaN` where it is unknown.
+    pub(super) pressures_pa: [f64; 2],
     /// Its motion and the wheels' loads.
     pub drive: Drive,
     /// Whether the forces are from the fusion filter.
@@ -82,6 +86,14 @@ impl Recorded {
     #[must_use]
     pub fn with_toe(mut self, toe_rad: [Vec<f64>; 2]) -> Self {
         self.toe_rad = toe_rad;
+        self
+    }
+
+    /// The same drive on tyres with mean inflation pressures, Pa; `NaN` where a pressure is unknown.
+    #[must_use]
+    pub fn with_pressures(mut self, pressures_pa: &PerWheel<f64>) -> Self {
+        self.vehicle = self.nominal.at_pressures(pressures_pa);
+        self.pressures_pa = pressures_of_axles(pressures_pa);
         self
     }
 
@@ -138,6 +150,8 @@ impl Recorded {
             loads_n,
         };
         Self {
+            nominal: vehicle.clone(),
+            pressures_pa: [f64::NAN; 2],
             vehicle,
             drive,
             fused,
@@ -213,13 +227,22 @@ impl Recorded {
         let wheels = wheels_of(axle);
         let mut inclinations = self.inclinations(axle);
         std::array::from_fn(|side| {
-            let [along, across] = &self.forces_n[wheels[side]];
+            let wheel = wheels[side];
+            let [along, across] = &self.forces_n[wheel];
+            let inclination_rad = std::mem::take(&mut inclinations[side]);
+            let length_m = self.vehicle.axle(wheel).tyre.relaxation_length_m;
+            let [contact, centre] =
+                [1.0, 0.0].map(|part| self.slip_tangent(wheel, &inclination_rad, part));
             camber::Data {
-                slip_tangent: self.relaxed(wheels[side]),
-                inclination_rad: std::mem::take(&mut inclinations[side]),
+                slip_tangent: self.relaxed(&contact, length_m),
+                moved_slip_tangent: [
+                    self.relaxed(&contact, camber::LONGER * length_m),
+                    self.relaxed(&centre, length_m),
+                ],
+                inclination_rad,
                 longitudinal_n: along.clone(),
                 lateral_n: across.clone(),
-                load_n: self.drive.loads_n[wheels[side]].clone(),
+                load_n: self.drive.loads_n[wheel].clone(),
             }
         })
     }
@@ -247,11 +270,22 @@ impl Recorded {
         both
     }
 
-    /// Aligning moment about the contact point, N m. The estimate is about the wheel centre: M = m + a x F, with
-    /// the contact point a = -R n from the wheel centre along the normal n of the ground, wheel axes.
+    /// Aligning moment about the contact point and the normal of the ground, N m. The estimate M_c is about the wheel
+    /// centre and the z axis of the wheel-carrier frame. The contact point lies in the plane of the wheel, so that it is at
+    /// (-R n_x, 0, -R) in this frame, and the force across the wheel has a part of the load:
+    ///
+    /// M_z = M_c + R n_x (F_y + gamma F_z) - gamma f R_0 F_z
+    ///
+    /// | symbol | name | unit |
+    /// |---|---|---|
+    /// | R | unloaded radius R_0 less the compression of the tyre | m |
+    /// | n_x | normal of the ground along the x axis of the frame | - |
+    /// | gamma | inclination of the wheel to the normal | rad |
+    /// | F_y, F_z | lateral force and load, contact frame | N |
+    /// | f | rolling resistance, whose moment is about the lateral axis of the contact frame | - |
     fn about_contact(&self, wheel: Wheel, row: usize, inclination_rad: f64) -> f64 {
         let tyre = &self.vehicle.axle(wheel).tyre;
-        let [along, across] = &self.forces_n[wheel];
+        let [_, across] = &self.forces_n[wheel];
         let load_n = at(&self.drive.loads_n[wheel], row);
         let radius_m = tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m;
         let over_ground =
@@ -259,24 +293,38 @@ impl Recorded {
         let roll = over_ground(&self.drive.roll_rad, 0);
         let pitch = over_ground(&self.drive.pitch_rad, 1);
         let (sin, cos) = math::sin_cos(at(&self.steer_rad[wheel], row));
-        // Nose down, the wheel's x axis points into the ground; right side down, its y axis points away from it.
-        let normal = [roll * sin - pitch * cos, inclination_rad];
-        let lever = radius_m * (normal[1] * at(along, row) - normal[0] * at(across, row));
-        at(&self.aligning_n_m[wheel], row) - lever
+        // Nose down, the wheel's x axis points into the ground.
+        let normal_x = roll * sin - pitch * cos;
+        let across_n = at(across, row) + inclination_rad * load_n;
+        let rolling_n_m = tyre.rolling_resistance * tyre.unloaded_radius_m * load_n;
+        at(&self.aligning_n_m[wheel], row) + radius_m * normal_x * across_n
+            - inclination_rad * rolling_n_m
     }
 
-    /// Tangent of the slip angle of a wheel, delayed by the relaxation length sigma of the vehicle file:
-    /// sigma s' = V (tan alpha - s).
-    fn relaxed(&self, wheel: Wheel) -> Vec<f64> {
-        let length_m = self.vehicle.axle(wheel).tyre.relaxation_length_m;
+    /// Tangent of the slip angle of a wheel: that of the velocity of the wheel centre, with `part` of what the rate of the
+    /// inclination moves the contact point sideways, tan alpha + part R gamma'/V.
+    fn slip_tangent(&self, wheel: Wheel, inclination_rad: &[f64], part: f64) -> Vec<f64> {
+        let tyre = &self.vehicle.axle(wheel).tyre;
+        let tangent = |(row, angle): (usize, &f64)| {
+            let sides = [row.wrapping_sub(1), row + 1].map(|row| at(inclination_rad, row));
+            let rate_rad_s = (sides[1] - sides[0]) / (2.0 * self.drive.dt_s);
+            let load_n = at(&self.drive.loads_n[wheel], row);
+            let radius_m = tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m;
+            math::tan(*angle) + part * radius_m * rate_rad_s / self.drive.speed_m_s[row]
+        };
+        let angles = self.slip_angle_rad[wheel].iter().enumerate();
+        angles.map(tangent).collect()
+    }
+
+    /// Tangents of slip angles, delayed by a relaxation length sigma, m: sigma s' = V (tan alpha - s).
+    fn relaxed(&self, tangents: &[f64], length_m: f64) -> Vec<f64> {
         let mut slip = f64::NAN;
-        let rows = self.slip_angle_rad[wheel].iter().zip(&self.drive.speed_m_s);
-        rows.map(|(angle, speed)| {
-            let tangent = math::tan(*angle);
+        let rows = tangents.iter().zip(&self.drive.speed_m_s);
+        rows.map(|(tangent, speed)| {
             let part = 1.0 - math::exp(-speed * self.drive.dt_s / length_m.max(1e-6));
             slip = match slip.is_finite() && part.is_finite() {
                 true if tangent.is_finite() => slip + part * (tangent - slip),
-                _ => tangent,
+                _ => *tangent,
             };
             while_rolling(slip, *speed)
         })
@@ -355,3 +403,6 @@ pub(super) fn mean_road_rad(gear: &SteeringGear, steering_wheel_rad: f64) -> f64
     let [left, right, ..] = gear.road_wheels(steering_wheel_rad, 0.0);
     0.5 * (left + right)
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,9 +10,9 @@ use model::tyre::{
     Contact, Curve, Law, MagicFormula52, MagicFormula89, Offset, Physical, Rational, Stiffness,
     Tyre,
 };
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
-use super::drive::series;
+use super::drive::{series, span_of};
 use super::signals::{mean, spread};
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Span};
 use crate::regression::{Fit, Nonlinear, nonlinear};
@@ -25,6 +25,8 @@ const ROWS_MIN: usize = 100;
 const SLIP_MIN_RAD: f64 = 0.01;
 /// Utilisation of grip, |F_y|/F_z, below which friction cannot be told.
 pub(super) const UTILISATION_MIN: f64 = 0.4;
+/// Standard deviation of a friction that is held, as a part of it: another surface.
+const FRICTION_SIGMA: f64 = 0.2;
 /// Standard deviation of the load, part of its mean, below which its influence cannot be told.
 const LOAD_SPREAD_MIN: f64 = 0.08;
 
@@ -280,37 +282,42 @@ pub fn fit(
         scale: free.iter().map(|place| scale[*place]).collect(),
         iterations: 200,
     };
-    let fitted = nonlinear(&problem, |some| {
-        let expected = model(&full(some));
-        force.iter().zip(expected).map(|(f, e)| f - e).collect()
-    })
-    .map_err(|refusal| refusal.of(WHAT).advise(ADVICE))?;
-    let all = full(&fitted.coefficients);
-    let span = Span {
-        from_s: rows[0] as f64 * data.dt_s,
-        to_s: rows[rows.len() - 1] as f64 * data.dt_s,
-        used_s: rows.len() as f64 * data.dt_s,
-        rows: rows.len(),
+    let with_grip = |part: f64| {
+        nonlinear(&problem, |some| {
+            let mut all = full(some);
+            all[FRICTION] *= part;
+            let expected = model(&all);
+            force.iter().zip(expected).map(|(f, e)| f - e).collect()
+        })
+        .map_err(|refusal| refusal.of(WHAT).advise(ADVICE))
     };
+    let mut fitted = with_grip(1.0)?;
+    let all = full(&fitted.coefficients);
+    if kind != Kind::Linear && !free.contains(&FRICTION) {
+        // What follows from a friction that is held is as uncertain as this friction.
+        let other = DVector::from_vec(with_grip(1.0 + FRICTION_SIGMA)?.coefficients);
+        fitted.doubt(&(other - DVector::from_column_slice(&fitted.coefficients)));
+    }
+    let span = span_of(&rows, data.dt_s, 1);
     let mut found = findings(kind, &fitted, &free, span, seed);
-    let size = rows.len() as f64;
-    let rms = fitted.residual_rms();
-    found.beside = vec![
-        ("residual_rms".to_owned(), rms, "N".to_owned()),
-        (
-            "akaike_criterion".to_owned(),
-            2.0 * size * math::ln(rms) + 2.0 * free.len() as f64,
-            "-".to_owned(),
-        ),
-        (
-            "reference_load".to_owned(),
-            reference_load_n,
-            "N".to_owned(),
-        ),
-    ];
+    found.beside = beside(&fitted, free.len(), reference_load_n);
     found.notes = notes;
     found.figures = vec![figure(kind, &slip, &force, &model(&all))];
     Ok((found, tyre(kind, &all, reference_load_n)))
+}
+
+/// Root mean square of the residual, Akaike's criterion and reference load.
+fn beside(fit: &Fit, parameters: usize, reference_load_n: f64) -> Vec<(String, f64, String)> {
+    let rms = fit.residual_rms();
+    let size = fit.residuals.len() as f64;
+    let criterion = 2.0 * size * math::ln(rms) + 2.0 * parameters as f64;
+    [
+        ("residual_rms", rms, "N"),
+        ("akaike_criterion", criterion, "-"),
+        ("reference_load", reference_load_n, "N"),
+    ]
+    .map(|(name, value, unit)| (name.to_owned(), value, unit.to_owned()))
+    .to_vec()
 }
 
 fn usable(data: &Data) -> Result<Vec<usize>, Refusal> {

@@ -253,6 +253,18 @@ impl Loads {
         }
     }
 
+    /// The same loads on other tyres.
+    pub fn load_tyres(
+        &mut self,
+        vehicle: &Vehicle,
+        identified: Option<&Handling>,
+        tuning: &InertialForcesTuning,
+    ) {
+        self.axles = axles(vehicle, identified, tuning);
+        let stiffness = self.axles.iter().map(|axle| axle.stiffness_n_m_rad).sum();
+        self.roll.stiffen(stiffness);
+    }
+
     fn sigma_n(&self, i: usize, right_n_m: f64, back_n_m: f64, up_m_s2: f64) -> f64 {
         let t = &self.tuning;
         let axle = &self.axles[i / 2];

@@ -30,6 +30,11 @@ impl Tilt {
         }
     }
 
+    /// The same body on other springs.
+    pub fn stiffen(&mut self, stiffness_n_m_rad: f64) {
+        self.stiffness_n_m_rad = stiffness_n_m_rad.max(1.0);
+    }
+
     /// Starts in the equilibrium with a moment.
     pub fn settle(&mut self, moment_n_m: f64) {
         self.angle_rad = moment_n_m / self.stiffness_n_m_rad;

@@ -262,6 +262,11 @@ impl PlanarReadings {
         })
     }
 
+    /// The rolling radius of other tyres.
+    pub fn load_tyres(&mut self, vehicle: &Vehicle) {
+        self.rolling_radius_m = rolling_radius_m(vehicle);
+    }
+
     /// Takes a sample. Samples without planar motion and ignored inputs are skipped.
     pub fn push(&mut self, sample: &Sample, calibration: &Resolved, settings: &Settings) {
         let t = self.tuning;

@@ -145,6 +145,14 @@ impl Planar {
         })
     }
 
+    /// The same filter on other tyres. A handling that was identified stays.
+    pub fn load_tyres(&mut self, vehicle: &Vehicle, calibration: &Resolved) {
+        if calibration.handling.is_none() {
+            self.filter.model.handling = Handling::of_vehicle(vehicle);
+        }
+        self.readings.load_tyres(vehicle);
+    }
+
     /// Starts recording operations.
     pub fn switch_trace_on(&mut self) {
         self.filter.trace.switch_on();

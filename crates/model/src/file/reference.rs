@@ -36,6 +36,7 @@ const VEHICLE: File = File {
     sources: &[
         include_str!("../vehicle.rs"),
         include_str!("../vehicle/payload.rs"),
+        include_str!("../vehicle/pressure.rs"),
     ],
     sections: crate::vehicle::SECTIONS,
     structures: &[
@@ -50,6 +51,7 @@ const VEHICLE: File = File {
         ("front.macpherson", "Macpherson"),
         ("rear.live_axle", "LiveAxle"),
         ("front.tyre", "Tyre"),
+        ("front.tyre.pressure", "TyrePressure"),
         ("steering", "Steering"),
         ("drivetrain", "Drivetrain"),
         ("payload", "Payload"),

@@ -318,6 +318,19 @@ impl Tir {
         }
     }
 
+    /// Nominal inflation pressure NOMPRES, Pa, of a file whose formula has terms of the pressure.
+    pub(crate) fn nominal_pressure_pa(&self) -> Option<f64> {
+        let nominal_pa = self.number("NOMPRES").filter(|nominal| *nominal > 0.0);
+        nominal_pa.filter(|_| self.edition == Edition::Mf61)
+    }
+
+    /// The same tyre at another inflation pressure, Pa.
+    pub(crate) fn inflated(&self, pressure_pa: f64) -> Self {
+        let mut tir = self.clone();
+        tir.numbers.insert("INFLPRES".to_owned(), pressure_pa);
+        tir
+    }
+
     /// Vertical stiffness, N/m.
     pub(crate) fn vertical_stiffness_n_m(&self) -> Option<f64> {
         let pressed = 1.0 + self.number_or("PFZ1", 0.0) * self.pressure_change();

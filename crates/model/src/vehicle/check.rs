@@ -8,6 +8,7 @@ use sample::Wheel;
 use super::rules::SECTIONS;
 use super::{Axle, LiveAxle, Macpherson, Strut, Vehicle, VehicleErrors, plain, tyre_file};
 use crate::file::rules::{self, Checked};
+use crate::tyre::Tir;
 
 /// Something in a vehicle file that is possible, but so rare that it is worth a second look.
 #[derive(Clone, Debug, PartialEq)]
@@ -305,6 +306,15 @@ fn axle(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
     }
     if let Some(live) = &axle.live_axle {
         live_axle(name, axle, live, found);
+    }
+    let own_terms = axle.tyre.tir.as_ref().and_then(Tir::nominal_pressure_pa);
+    if let (Some(pressure), Some(nominal_pa)) = (&axle.tyre.pressure, own_terms) {
+        found.push((
+            format!("{name}.tyre.pressure"),
+            pressure.nominal_pa.to_string(),
+            format!("the .tir file has terms of the pressure itself (NOMPRES {nominal_pa} Pa)"),
+            "remove the table".into(),
+        ));
     }
 }
 

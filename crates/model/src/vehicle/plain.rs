@@ -204,6 +204,7 @@ fn axle(body: &Body, part: f64) -> Axle {
             relaxation_length_m: 0.0,
             rolling_resistance: 0.0,
             camber_stiffness_n_rad: 0.0,
+            pressure: None,
         },
     }
 }

@@ -57,6 +57,10 @@ pub(crate) const SECTIONS: &[TableRules] = &[
         rules: TYRE,
     },
     TableRules {
+        tables: &["front.tyre.pressure", "rear.tyre.pressure"],
+        rules: TYRE_PRESSURE,
+    },
+    TableRules {
         tables: &["steering"],
         rules: STEERING,
     },
@@ -224,6 +228,18 @@ const TYRE: &[Rule] = &[
     may("relaxation_length_m", Number(NonNegative(5.0))),
     may("rolling_resistance", Number(Within(0.0, 0.5))),
     may("camber_stiffness_n_rad", Number(NonNegative(1e6))),
+    may("pressure", Table),
+];
+
+/// Changes that keep each value above zero from half of the nominal pressure to twice that pressure.
+const CHANGE: Kind = Number(Within(-0.9, 1.9));
+
+const TYRE_PRESSURE: &[Rule] = &[
+    must("nominal_pa", Number(Within(1e3, 2e6))),
+    may("vertical_stiffness_change", CHANGE),
+    may("cornering_stiffness_change", CHANGE),
+    may("slip_stiffness_change", CHANGE),
+    may("friction_change", CHANGE),
 ];
 
 const STEERING: &[Rule] = &[

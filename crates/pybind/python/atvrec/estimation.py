@@ -160,6 +160,8 @@ class ControlSamples(Times, total=False):
     """Brake torques of the wheels, N m, (n, 4)."""
     bridge_temperature_c: npt.ArrayLike
     """Temperatures of the strain bridges of the wheels, degrees Celsius, (n, 4)."""
+    tyre_pressure_pa: npt.ArrayLike
+    """Inflation pressures of the tyres above that of the air, Pa, (n, 4)."""
 
 
 class Samples(TypedDict, total=False):
@@ -527,6 +529,7 @@ class Estimator:
         drive_torque_n_m: Sequence[float] | Doubles | None = None,
         brake_torque_n_m: Sequence[float] | Doubles | None = None,
         bridge_temperature_c: Sequence[float] | Doubles | None = None,
+        tyre_pressure_pa: Sequence[float] | Doubles | None = None,
         valid_time_ns: int | None = None,
     ) -> None:
         """Takes one sample of a controller; see :class:`ControlSamples`."""
@@ -535,6 +538,7 @@ class Estimator:
             "drive_torque_n_m": drive_torque_n_m,
             "brake_torque_n_m": brake_torque_n_m,
             "bridge_temperature_c": bridge_temperature_c,
+            "tyre_pressure_pa": tyre_pressure_pa,
         }
         rows = {name: [value] for name, value in values.items() if value is not None}
         self._push_one("control", log_time_ns, valid_time_ns, **rows)
@@ -630,6 +634,7 @@ _CONTROLS = {
     "drive_torque_n_m": ("drive_torque", _WHEELS, ("N m", "Nm")),
     "brake_torque_n_m": ("brake_torque", _WHEELS, ("N m", "Nm")),
     "bridge_temperature_c": ("bridge_temperature", _WHEELS, ("degC",)),
+    "tyre_pressure_pa": ("tyre_pressure", _WHEELS, ("Pa",)),
 }
 
 

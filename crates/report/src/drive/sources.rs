@@ -3,6 +3,9 @@
 use sample::ControlSample;
 use store::{Column, Table, Values};
 
+/// Beginning of the names of the inflation pressures of the tyres, Pa.
+pub const TYRE_PRESSURE: &str = "tyre_pressure_";
+
 /// Radius of the earth, m: good to 0.5 % of a distance, which is enough for a picture.
 const MEAN_RADIUS_M: f64 = 6_371_008.8;
 
@@ -120,6 +123,7 @@ pub fn to_local(table: &mut Table, origin: &mut Option<[f64; 2]>) {
 pub fn is_drawn(name: &str) -> bool {
     name == "steering_wheel_rad"
         || ControlSample::WHEEL_ANGLE.contains(&name)
+        || name.starts_with(TYRE_PRESSURE)
         || name.starts_with("velocity_m_s.")
         || matches!(name, "east_m" | "north_m")
 }

@@ -2,6 +2,7 @@
 
 use super::curves::{Curves, Spec};
 use super::{Candidate, WHEELS, panel, timed};
+use crate::drive::TYRE_PRESSURE;
 use crate::frame::GAP_S;
 use crate::options::Quantity;
 use crate::plot::{Data, Figure, Kind, Pen, Trace};
@@ -18,6 +19,7 @@ const SEGMENT: usize = 256;
 pub fn all(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     suspension(curves, all);
     road(curves, all);
+    tyre_pressure(curves, all);
     rates(curves, all);
 }
 
@@ -179,6 +181,43 @@ fn road(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     ));
 }
 
+/// The inflation pressures, if sensors have measured them.
+fn tyre_pressure(curves: &Curves<'_>, all: &mut Vec<Candidate>) {
+    let drive = curves.drive;
+    let mut one = panel("pressure (kPa)", None);
+    for frame in drive.sensors.values() {
+        for (index, (wheel, name)) in WHEELS.into_iter().enumerate() {
+            let column = format!("{TYRE_PRESSURE}{}", wheel.to_uppercase());
+            let Some(values) = frame.get(&column) else {
+                continue;
+            };
+            let (x, y) = kilopascals(&frame.time_s, values);
+            if !x.is_empty() {
+                one.traces.push(Trace {
+                    name: name.to_owned(),
+                    pen: Pen::Other(index),
+                    data: Data::Own { x, y },
+                });
+            }
+        }
+    }
+    if !one.traces.is_empty() {
+        let caption = "Inflation pressures of the tyres above that of the air.";
+        let figure = timed("tyre-pressure", "Tyre pressure", caption, vec![one]);
+        all.push((figure, "no pressure of a tyre is recorded"));
+    }
+}
+
+/// Times and pressures, kPa, of the samples that have a pressure, Pa. A sensor sends each second or less often, which is
+/// no gap.
+fn kilopascals(time_s: &[f64], pressures_pa: &[f32]) -> (Vec<f64>, Vec<f64>) {
+    let samples = time_s.iter().zip(pressures_pa);
+    let known = samples.filter(|(_, pressure_pa)| pressure_pa.is_finite());
+    known
+        .map(|(time_s, pressure_pa)| (*time_s, 1e-3 * f64::from(*pressure_pa)))
+        .unzip()
+}
+
 fn rates(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     let drive = curves.drive;
     let mut counts = panel("samples/s", None);
@@ -209,6 +248,12 @@ fn rates(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pressures_are_drawn_in_kilopascals_where_they_are_known() {
+        let (time_s, kpa) = kilopascals(&[0.0, 0.5, 1.0], &[35e3, f32::NAN, 34.5e3]);
+        assert_eq!((time_s, kpa), (vec![0.0, 1.0], vec![35.0, 34.5]));
+    }
 
     #[test]
     fn the_spectrum_of_a_sine_has_its_power_at_its_frequency() {

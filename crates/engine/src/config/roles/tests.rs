@@ -161,6 +161,27 @@ fn roles_of_motion_and_controls_take_the_unit_of_the_signal() {
             "brake_torque.FL",
             Role::Control(ControlValue::BrakeTorque(fl), 1.0),
         ),
+        (
+            "bar",
+            "tyre_pressure.FL",
+            Role::Control(ControlValue::TyrePressure(fl), 1e5),
+        ),
+        (
+            "kPa",
+            "tyre_pressure.FL",
+            Role::Control(ControlValue::TyrePressure(fl), 1e3),
+        ),
+        (
+            "Pa",
+            "tyre_pressure.FL",
+            Role::Control(ControlValue::TyrePressure(fl), 1.0),
+        ),
+        // A pound-force on a square inch.
+        (
+            "psi",
+            "tyre_pressure.FL",
+            Role::Control(ControlValue::TyrePressure(fl), 6_894.757_293_168),
+        ),
         ("%", "throttle", Role::Control(ControlValue::Throttle, 0.01)),
         (
             "Nm",
@@ -202,6 +223,11 @@ fn a_unit_that_does_not_fit_is_named_with_what_the_role_needs() {
         ("rad", "acceleration.x", "m/s^2"),
         ("m/s^2", "rate.z", "rad/s"),
         ("bar", "throttle", "the role throttle needs % or 1"),
+        (
+            "degC",
+            "tyre_pressure.RR",
+            "the role tyre_pressure.RR needs Pa, kPa, MPa, bar or psi",
+        ),
     ] {
         let error = roles(&[unit], &format!("{key} = \"M.s0\""), "").expect_err(key);
         let told = format!("signal M.s0 has the unit \"{unit}\"");

@@ -11,7 +11,8 @@ const OPTIONS: Options = Options {
     seed: 1,
 };
 
-/// A sine of a wheel whose trail is a parabola in the used part of the grip, as no model of the module.
+/// A sine of a wheel with the trail of a brush tyre (Fiala's moment), which is no straight line in the used part of the
+/// grip.
 fn drive(trail_m: f64, noise_n_m: f64, offset_n_m: f64, seed: u64) -> Data {
     let mut random = Random::new(seed);
     let mut data = Data::default();
@@ -21,7 +22,10 @@ fn drive(trail_m: f64, noise_n_m: f64, offset_n_m: f64, seed: u64) -> Data {
         let load_n = 1300.0 + 250.0 * math::sin(1.9 * t);
         let lateral_n = 480.0 * math::sin(1.9 * t) * (0.7 + 0.3 * math::sin(0.2 * t));
         let used = lateral_n.abs() / (0.87 * load_n);
-        let trail = trail_m * (load_n / 1300.0).sqrt() * (1.0 - used) * (1.0 - 0.2 * used);
+        let sticking = math::powf(1.0 - used, 1.0 / 3.0);
+        let part = 1.0 - sticking;
+        let loss = 3.0 * sticking.powi(3) / (part * part - 3.0 * part + 3.0);
+        let trail = trail_m * (load_n / 1300.0).sqrt() * loss;
         // Correlated over half a second, as the estimated moments.
         wander += -0.02 * wander + 0.2 * noise_n_m * random.normal();
         data.aligning_n_m

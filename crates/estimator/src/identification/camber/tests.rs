@@ -31,7 +31,13 @@ fn drive(offset_rad: f64, bumps_rad: f64, seed: u64) -> Data {
         let of_slip_n = -grip_n * (3.0 * z - 3.0 * z * z.abs() + z.powi(3));
         let inclination_rad = 4e-5 * of_slip_n + bump;
         wander += -0.02 * wander + 0.2 * 0.0015 * random.normal();
-        data.slip_tangent.push(slip + offset_rad + wander);
+        let measured = slip + offset_rad + wander;
+        data.slip_tangent.push(measured);
+        // 30 ms later, and as the wheel centre moves.
+        let slower = 0.07 * math::sin(0.9 * (t - 0.03)) * math::sin(0.13 * (t - 0.03));
+        let [longer, centre] = &mut data.moved_slip_tangent;
+        longer.push(measured + slower - slip);
+        centre.push(measured - 0.04 * 1.7 * bumps_rad * math::cos(1.7 * t));
         data.inclination_rad
             .push(inclination_rad + 3e-4 * random.normal());
         data.lateral_n
