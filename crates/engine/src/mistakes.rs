@@ -34,11 +34,28 @@ pub fn mistakes_as_json(report: &MistakeReport) -> Value {
             "corrected": found.corrected,
         })
     });
+    let units = report.units.iter().map(|(time, unit)| {
+        let words = unit.describe();
+        json!({
+            "time_ns": time.0,
+            "subject": words.subject,
+            "cause": words.cause,
+            "help": words.remedy,
+            "factor": unit.factor,
+        })
+    });
     let likeliest = report.likeliest.as_ref().map(|(words, ratio)| {
         json!({ "subject": words.subject, "cause": words.cause, "log_likelihood_ratio": ratio })
     });
+    let parameters = &report.parameters;
     json!({
         "found": found.collect::<Vec<_>>(),
+        "units": units.collect::<Vec<_>>(),
+        "parameters": {
+            "tolerance_factor": parameters.factor,
+            "since_ns": parameters.since.map(|time| time.0),
+            "tolerances_stated": parameters.are_stated,
+        },
         "likeliest": likeliest,
         "used_s": report.driven.used_s,
         "decisive": report.is_decisive,

@@ -49,7 +49,7 @@ use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 pub(crate) use lagged::LAG_STEPS;
 pub use latency::{LATENCIES_MAX, LatencyEstimate, LatencyPrior};
-pub use mistakes::{CalibrationChanges, FoundMistake, MistakeReport};
+pub use mistakes::{CalibrationChanges, FoundMistake, MistakeReport, ParameterErrors};
 pub use placement::WheelPlacement;
 
 use choice::MotionChoice;
@@ -191,10 +191,9 @@ impl Estimator {
             Fusion::new(vehicle, &sensors.strain, channels, hubs, t)
         });
         Ok(Self {
-            mistakes: fusion.as_ref().map(|fusion| {
-                let bias_sigma = sensors.imu.accel_bias_m_s2;
-                MistakeWatch::new(fusion, vehicle, &calibration, bias_sigma, &t.mistakes)
-            }),
+            mistakes: fusion
+                .as_ref()
+                .map(|fusion| MistakeWatch::new(fusion, vehicle, sensors, &calibration, t)),
             motion: MotionFilter::new(motion_settings(sensors, &calibration, t), &t.motion),
             planar: corners
                 .is_none()

@@ -49,6 +49,7 @@ mod terrain;
 pub mod trace;
 pub mod triads;
 pub mod tuning;
+mod units;
 mod waiting;
 mod watch;
 mod wheel_frame;
@@ -59,8 +60,9 @@ pub use calibration::Calibration;
 pub use error::EstimatorError;
 pub use estimator::{
     CalibrationChanges, Estimator, FoundMistake, LATENCIES_MAX, LatencyEstimate, LatencyPrior,
-    MistakeReport, Output, WheelPlacement,
+    MistakeReport, Output, ParameterErrors, WheelPlacement,
 };
 pub use grid::GRID_NANOS;
 pub use settings::{Input, Method, ModelFriction, Settings};
 pub use tuning::Tuning;
+pub use units::{Quantity, WrongUnit};

@@ -18,7 +18,9 @@ mod evidence;
 mod hypotheses;
 mod layout;
 mod linear;
+mod rows;
 mod texts;
+mod tolerances;
 
 use crate::fusion::relations::{CHANNELS, Loads, RelationWindow};
 use crate::tuning::MistakeTuning;
@@ -30,6 +32,8 @@ pub(crate) use evidence::right_angles;
 pub use hypotheses::Hypothesis;
 use layout::{PAIRS, TOLERATED};
 pub use texts::Described;
+pub use tolerances::Stated;
+pub(crate) use tolerances::stated_tuning;
 
 /// Most parameters of a hypothesis.
 const MOST: usize = CHANNELS;
@@ -89,6 +93,7 @@ impl Mistakes {
         let is_slow = window.speed.abs() < t.speed_min_m_s;
         if !on_ground || is_slow {
             self.driven.leave_out(is_slow, t);
+            self.evidence.pass_over(window);
             return None;
         }
         let square = self.evidence.take(window)?;
@@ -110,6 +115,18 @@ impl Mistakes {
     #[must_use]
     pub fn force_variances(&self, loads: &Loads) -> Option<[f64; 12]> {
         self.evidence.force_variances(loads)
+    }
+
+    /// Factor on the tolerances of the parameters; 0 as long as all are taken for exact.
+    #[must_use]
+    pub fn tolerance_factor(&self) -> f64 {
+        self.evidence.care()
+    }
+
+    /// Whether a file states tolerances.
+    #[must_use]
+    pub fn are_tolerances_stated(&self) -> bool {
+        self.evidence.setup.stated.is_any
     }
 
     /// The hypotheses at the last decision, the likeliest first.

@@ -20,6 +20,7 @@ mod planar;
 mod road;
 mod slip;
 mod terrain;
+mod units;
 mod vertical;
 mod watch;
 
@@ -38,6 +39,7 @@ pub use planar::{PlanarInputTuning, PlanarTuning};
 pub use road::RoadTuning;
 pub use slip::SlipTuning;
 pub use terrain::TerrainTuning;
+pub use units::UnitTuning;
 pub use vertical::{ExpectedTuning, LiftTuning, StaticsTuning};
 pub use watch::{
     BiasWatchTuning, HubWatchTuning, ImuConsistencyTuning, InertialWatchTuning,
@@ -140,6 +142,7 @@ tuning! {
         group corners: CornerTuning;
         group fusion: FusionTuning;
         group mistakes: MistakeTuning;
+        group units: UnitTuning;
         group latency: LatencyTuning;
         group process_noise: ProcessNoiseTuning;
         group statics: StaticsTuning;

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 use crate::strain::{ChannelScale, full_scale, largest_count};
+use crate::tolerances::SensorsTolerances;
 
 /// All sensors of a vehicle. A table that the file does not have is of a device that is not fitted: it sends 0
 /// messages a second.
@@ -54,6 +55,11 @@ pub struct Sensors {
     /// The bus that carries strain, deflection, wheel speeds, steering and hub accelerations.
     #[serde(default)]
     pub bus: Bus,
+    /// How far the values above can be from the truth. With this table, the standard deviations of the forces contain
+    /// it from the first second on; without it, once a drive shows that the values are not exact. The tolerance of the
+    /// zeros is `strain.zero_error_counts`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerances: Option<SensorsTolerances>,
 }
 
 /// A device that the file does not have: its rate is 0, and its other values are those of common devices.

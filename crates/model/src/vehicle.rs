@@ -18,6 +18,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::tolerances::VehicleTolerances;
 use crate::tyre::Tir;
 
 pub use check::Warning;
@@ -57,6 +58,10 @@ pub struct Vehicle {
     /// Where a load is hitched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hitch: Option<Hitch>,
+    /// How far the values above can be from the truth. With this table, the standard deviations of the forces contain
+    /// it from the first second on; without it, once a drive shows that the values are not exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerances: Option<VehicleTolerances>,
 }
 
 /// Where a load is hitched to the sprung part.

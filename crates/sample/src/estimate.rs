@@ -304,6 +304,8 @@ pub enum EventKind {
     SensorRecovered(String),
     /// A mistake of the configuration, by what it concerns.
     Mistake(String),
+    /// The readings contradict exact parameters, as errors of about this factor times the tolerances do.
+    InexactParameters(f64),
     /// A filter diverged and was started anew.
     FilterReset,
     /// A filter that was started anew has settled.
@@ -312,7 +314,7 @@ pub enum EventKind {
 
 impl EventKind {
     /// Names of all kinds.
-    pub const NAMES: [&'static str; 11] = [
+    pub const NAMES: [&'static str; 12] = [
         "lift_warning",
         "lift",
         "touchdown",
@@ -324,6 +326,7 @@ impl EventKind {
         "filter_reset",
         "filter_recovered",
         "mistake",
+        "inexact_parameters",
     ];
 
     /// The kind's name, one of [`EventKind::NAMES`].
@@ -341,6 +344,7 @@ impl EventKind {
             Self::FilterReset => 8,
             Self::FilterRecovered => 9,
             Self::Mistake(_) => 10,
+            Self::InexactParameters(_) => 11,
         }]
     }
 }

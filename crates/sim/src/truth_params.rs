@@ -261,6 +261,7 @@ impl Params {
             sources: sources(),
             payload: Vec::new(),
             hitch: None,
+            tolerances: None,
         }
     }
 

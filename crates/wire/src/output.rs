@@ -128,6 +128,7 @@ impl OutputState {
             EventKind::SensorFault(_)
             | EventKind::SensorRecovered(_)
             | EventKind::Mistake(_)
+            | EventKind::InexactParameters(_)
             | EventKind::FilterReset
             | EventKind::FilterRecovered => return,
         }

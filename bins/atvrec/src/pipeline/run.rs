@@ -453,7 +453,9 @@ fn log_event(event: &Event) {
         EventKind::SensorFault(_) | EventKind::FilterReset | EventKind::Mistake(_) => {
             tracing::warn!(source = "estimator", "{text}");
         }
-        EventKind::SensorRecovered(_) | EventKind::FilterRecovered => {
+        EventKind::SensorRecovered(_)
+        | EventKind::FilterRecovered
+        | EventKind::InexactParameters(_) => {
             tracing::info!(source = "estimator", "{text}")
         }
         _ => {}

@@ -1,19 +1,25 @@
 //! Mistakes of the configuration: what the drive proves is reported, and corrected where it is known.
 
+mod events;
+
 use std::sync::Arc;
 
+use model::sensors::Sensors;
 use model::vehicle::{Payload, Vehicle};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use sample::{CornerSample, Event, EventKind, LogTime, StrainChannel, Wheel};
+use sample::{CornerSample, Event, LogTime, StrainChannel, Wheel};
 
 use super::{Estimator, Output};
 use crate::Calibration;
 use crate::calibration::{Channel, ChannelCalibration, Resolved};
 use crate::fusion::relations::{CHANNELS, channel_of};
 use crate::fusion::{Forces, Fusion};
-use crate::mistakes::{Described, Driven, Hypothesis, Judged, Mistakes, Setup, right_angles};
+use crate::mistakes::{
+    Described, Driven, Hypothesis, Judged, Mistakes, Setup, right_angles, stated_tuning,
+};
 use crate::statics::AXIAL;
-use crate::tuning::MistakeTuning;
+use crate::tuning::Tuning;
+use crate::units::{UnitWatch, WrongUnit};
 
 /// Name of the payload that the drive has shown.
 const FOUND_PAYLOAD: &str = "found by the estimator";
@@ -27,6 +33,19 @@ pub struct FoundMistake {
     pub judged: Judged,
     /// Whether the estimator uses the corrected value from then on.
     pub corrected: bool,
+}
+
+/// Errors of the parameters of vehicle and sensors files within their tolerances.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ParameterErrors {
+    /// Factor on the tolerances that the drive shows; 0 as long as the parameters are taken for exact.
+    pub factor: f64,
+    /// Since when the standard deviations of the forces contain them, if the drive has shown them.
+    pub since: Option<LogTime>,
+    /// The same from the first estimate, s.
+    pub since_s: Option<f64>,
+    /// Whether a file states tolerances: then the standard deviations contain them from the beginning.
+    pub are_stated: bool,
 }
 
 /// What a drive says of the configuration.
@@ -48,6 +67,18 @@ pub struct MistakeReport {
     pub changes: CalibrationChanges,
     /// Load to add to the vehicle file.
     pub payload: Option<Payload>,
+    /// Errors of the parameters.
+    pub parameters: ParameterErrors,
+    /// Wrong units of rates, angles and speeds, with the time at which each was found and corrected.
+    pub units: Vec<(LogTime, WrongUnit)>,
+}
+
+impl MistakeReport {
+    /// Whether no mistake was found.
+    #[must_use]
+    pub fn is_clean(&self) -> bool {
+        self.found.is_empty() && self.units.is_empty()
+    }
 }
 
 /// Corrections of a calibration file.
@@ -94,6 +125,10 @@ pub(super) struct MistakeWatch {
     suspected: Option<LogTime>,
     /// Nothing more is looked for: what was found cannot be corrected.
     ended: bool,
+    pub(super) units: UnitWatch,
+    wrong_units: Vec<(LogTime, WrongUnit)>,
+    /// Since when the drive shows that the parameters are not exact.
+    inexact: Option<LogTime>,
     /// Variances of the forces by parameters that are not exact, a step before, N^2.
     variances_before: Option<[f64; 12]>,
 }
@@ -102,13 +137,14 @@ impl MistakeWatch {
     pub(super) fn new(
         fusion: &Fusion,
         vehicle: &Vehicle,
+        sensors: &Sensors,
         calibration: &Resolved,
-        bias_sigma: f64,
-        tuning: &MistakeTuning,
+        all: &Tuning,
     ) -> Self {
-        let setup = fusion.mistake_setup(vehicle, calibration, bias_sigma);
+        let setup = fusion.mistake_setup(vehicle, sensors, calibration);
+        let tuning = stated_tuning(&all.mistakes, vehicle, sensors);
         Self {
-            evidence: Arc::new(Mistakes::new(setup, tuning)),
+            evidence: Arc::new(Mistakes::new(setup, &tuning)),
             found: Vec::new(),
             members: [std::array::from_fn(|i| i); 4],
             wheels: Wheel::ALL,
@@ -116,6 +152,9 @@ impl MistakeWatch {
             started: None,
             suspected: None,
             ended: false,
+            units: UnitWatch::new(&all.units),
+            wrong_units: Vec::new(),
+            inexact: None,
             variances_before: None,
         }
     }
@@ -130,6 +169,28 @@ impl MistakeWatch {
                 *sigma = (*sigma * *sigma + variance).sqrt();
             }
         }
+    }
+
+    /// Errors of the parameters.
+    fn parameters(&self) -> ParameterErrors {
+        ParameterErrors {
+            factor: self.evidence.tolerance_factor(),
+            since: self.inexact,
+            since_s: (self.inexact.zip(self.started))
+                .map(|(since, started)| since.seconds_since(started)),
+            are_stated: self.evidence.are_tolerances_stated(),
+        }
+    }
+
+    /// The event that the drive shows parameters that are not exact, once. Tolerances that a file states count from
+    /// the beginning, and need no event.
+    fn inexact_event(&mut self, now: LogTime) -> Option<Event> {
+        let known = self.parameters();
+        if known.factor == 0.0 || known.are_stated || known.since.is_some() {
+            return None;
+        }
+        self.inexact = Some(now);
+        Some(events::inexact(now, known.factor))
     }
 
     /// Whether no channel is blamed alone: the drive has not said yet that the configuration is right, or a mistake
@@ -182,6 +243,8 @@ impl Estimator {
                 .iter()
                 .find(|load| load.name == FOUND_PAYLOAD)
                 .cloned(),
+            parameters: watch.parameters(),
+            units: watch.wrong_units.clone(),
         })
     }
 
@@ -226,6 +289,7 @@ impl Estimator {
 
     /// Weighs the mistakes by the relations of the last window, if it is complete.
     pub(super) fn watch_mistakes(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
+        self.watch_units(now, out);
         let (Some(fusion), Some(watch)) = (&mut self.fusion, &mut self.mistakes) else {
             return;
         };
@@ -233,31 +297,28 @@ impl Estimator {
             return;
         }
         let t = &self.settings.tuning.mistakes;
+        if watch.units.is_doubtful(now) {
+            fusion.with_relations(|_| {});
+            return;
+        }
         let mut certain = None;
         fusion.with_relations(|window| {
             certain = Arc::make_mut(&mut watch.evidence).take(window);
         });
         fusion.hold_blame(watch.is_undecided(now, t.hold_s));
+        if let Some(event) = watch.inexact_event(now) {
+            out(Output::Event(event));
+        }
         let Some(judged) = certain else { return };
         let count_n = self.count_n();
         let described = judged.describe(&self.vehicle, &count_n);
         let corrected = self.correct(&judged).is_some();
         let then = if corrected {
-            "the estimator uses the corrected value from now on"
+            events::CORRECTED
         } else {
             "the estimates are wrong until this is corrected"
         };
-        out(Output::Event(Event {
-            time: now,
-            onset: now,
-            kind: EventKind::Mistake(described.subject.clone()),
-            probability: None,
-            load_transfer_ratio: None,
-            text: format!(
-                "the configuration contradicts the drive: {}: {}; {}; {then}",
-                described.subject, described.cause, described.remedy
-            ),
-        }));
+        out(Output::Event(events::mistake(now, &described, then)));
         if let Some(watch) = &mut self.mistakes {
             let found = FoundMistake {
                 time: now,
@@ -267,6 +328,24 @@ impl Estimator {
             watch.found.push((found, described));
             watch.ended |= !corrected;
         }
+        self.begin_again();
+    }
+
+    /// Corrects a wrong unit that the last window shows.
+    fn watch_units(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
+        let Some(watch) = &mut self.mistakes else {
+            return;
+        };
+        let Some(wrong) = watch.units.step(now) else {
+            return;
+        };
+        watch.wrong_units.push((now, wrong));
+        out(Output::Event(events::mistake(
+            now,
+            &wrong.describe(),
+            events::CORRECTED,
+        )));
+        self.motion.begin_again();
         self.begin_again();
     }
 
@@ -402,9 +481,9 @@ impl Estimator {
             return;
         };
         fusion.begin_again(&self.calibration.corners);
-        let bias_sigma = self.sensors.imu.accel_bias_m_s2;
-        let setup: Setup = fusion.mistake_setup(&self.vehicle, &self.calibration, bias_sigma);
+        let setup: Setup = fusion.mistake_setup(&self.vehicle, &self.sensors, &self.calibration);
         Arc::make_mut(&mut watch.evidence).restart(setup);
+        watch.units.restart();
         watch.suspected = None;
     }
 }

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use sample::{
     ControlSample, GnssAttitude, GnssVelocity, HubAccelerationSample, ImuSample, LogTime, SourceId,
+    Wheel,
 };
 
 use super::events::hub_event;
@@ -65,6 +66,14 @@ impl Estimator {
         out: &mut impl FnMut(Output),
     ) {
         self.imu_stream = stream;
+        let rate = match &mut self.mistakes {
+            Some(watch) => {
+                let rate = watch.units.scales.rates * rate;
+                watch.units.take_inertial(rate.z, force.y);
+                rate
+            }
+            None => rate,
+        };
         let ahead_s = time.seconds_since(now) + GRID_S;
         let fusion = self.fusion.as_ref();
         let expected = fusion.map_or_else(Triads::default, |fusion| {
@@ -94,6 +103,11 @@ impl Estimator {
 
     /// Reports which of the inertial unit's biases has jumped.
     pub(super) fn monitor_biases(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
+        let watch = self.mistakes.as_ref();
+        if watch.is_some_and(|watch| watch.units.is_doubtful(now)) {
+            self.motion.take_jump();
+            return;
+        }
         if let Some(before) = self.motion.take_jump() {
             if !self.monitors.receiver_faulty() {
                 self.monitors.bias.suspect(now, before);
@@ -118,6 +132,17 @@ impl Estimator {
         let angle = self.column.follow(angle_rad);
         let angle = (self.monitors.steering).judge(time, angle, expected, &mut report(now, out));
         self.readings.push_steering_wheel(time, angle);
+    }
+
+    /// Speed of a wheel in rad/s, with a wrong unit corrected.
+    pub(super) fn in_own_unit(&mut self, wheel: Wheel, speed: f64) -> f64 {
+        let radius_m = self.rolling_radius_m(wheel);
+        let Some(watch) = &mut self.mistakes else {
+            return speed;
+        };
+        let speed = watch.units.scales.wheel_speeds * speed;
+        watch.units.take_wheel(radius_m * speed.abs());
+        speed
     }
 
     pub(super) fn take_hub_acceleration(
@@ -156,9 +181,16 @@ impl Estimator {
         let usable = gnss.quality.is_measured();
         let receiver = self.velocity_receiver(source);
         if let Some(velocity) = finite3(gnss.on_the_level_m_s()).filter(|_| usable) {
+            let (mut velocity, mut sigma_m_s) = (velocity, gnss.sigma_enu_m_s);
+            if let Some(watch) = &mut self.mistakes {
+                let scale = watch.units.scales.velocity;
+                velocity *= scale;
+                sigma_m_s = sigma_m_s.map(|sigma| sigma.map(|sigma| scale * sigma));
+                watch.units.take_velocity(time, velocity.x, velocity.y);
+            }
             let verdict = self
                 .motion
-                .push_velocity(time, receiver, velocity, gnss.sigma_enu_m_s);
+                .push_velocity(time, receiver, velocity, sigma_m_s);
             let monitors = &mut self.monitors;
             let trusted = self.motion.is_imu_consistent() && !monitors.bias.is_suspected();
             let tuning = &monitors.tuning.receiver;
@@ -181,7 +213,16 @@ impl Estimator {
         let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
         let angles =
             std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
-        let verdict = self.motion.push_attitude(time, angles, gnss.sigma_rad);
+        let (mut angles, mut sigma_rad) = (angles, gnss.sigma_rad);
+        if let Some(watch) = &mut self.mistakes {
+            let scale = watch.units.scales.attitude;
+            angles = angles.map(|angle| angle.map(|angle| scale * angle));
+            sigma_rad = sigma_rad.map(|sigma| sigma.map(|sigma| scale * sigma));
+            if let Some(heading) = angles[0] {
+                watch.units.take_heading(time, heading);
+            }
+        }
+        let verdict = self.motion.push_attitude(time, angles, sigma_rad);
         let monitors = &mut self.monitors;
         let trusted = self.motion.is_imu_consistent() && !monitors.bias.is_suspected();
         let tuning = &monitors.tuning.receiver;

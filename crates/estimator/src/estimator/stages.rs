@@ -117,6 +117,7 @@ impl Estimator {
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {
                         if let Some(speed) = speeds[wheel] {
+                            let speed = self.in_own_unit(wheel, speed);
                             self.readings.push_wheel_speed(time, wheel, speed);
                         }
                     }

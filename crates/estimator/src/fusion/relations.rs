@@ -15,8 +15,9 @@ use super::{Fusion, StepInput, StepModel};
 use crate::calibration::Resolved;
 use crate::corners::KnownLinkage;
 use crate::inputs::Readings;
-use crate::mistakes::Setup;
+use crate::mistakes::{Setup, Stated};
 use crate::statics::AXIAL;
+use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 
 /// Axial channels of all corners.
@@ -300,8 +301,8 @@ impl Fusion {
     pub(crate) fn mistake_setup(
         &self,
         vehicle: &Vehicle,
+        sensors: &Sensors,
         calibration: &Resolved,
-        bias_sigma_m_s2: f64,
     ) -> Setup {
         let body = &vehicle.body;
         let hitch = vehicle.hitch.as_ref().map(|hitch| hitch.position_m);
@@ -336,8 +337,9 @@ impl Fusion {
                 let channel = channel(at);
                 channel.offset_sigma.max(channel.noise_sigma)
             }),
-            bias_sigma_m_s2,
+            bias_sigma_m_s2: sensors.imu.accel_bias_m_s2,
             count_n: std::array::from_fn(|at| channel(at).gain),
+            stated: Stated::of(vehicle, sensors),
         }
     }
 

@@ -7,7 +7,10 @@
 
 use super::evidence::{Setup, tolerated_gains};
 use super::layout::TOLERATED;
-use crate::fusion::relations::{Loads, ROWS};
+use super::linear;
+use super::tolerances::Shape;
+use crate::fusion::relations::{Loads, ROWS, STRUT_ROW};
+use crate::statics::AXIAL;
 
 /// Forces of the tyres.
 pub(super) const FORCES: usize = 12;
@@ -44,12 +47,34 @@ impl Considered {
                 effects[column] += response[row] * gain;
             }
         });
-        effects.map(|effects| {
+        let mut variances = effects.map(|effects| {
             let parts = effects
                 .iter()
                 .zip(tolerance)
                 .map(|(a, b)| self.care * a * b);
             parts.map(|part| part * part).sum()
-        })
+        });
+        if let Some(shape) = &setup.stated.shape {
+            self.add_hard_points(loads, shape, &mut variances);
+        }
+        variances
+    }
+
+    /// Adds the variances by the hard-points: an error of a coordinate acts on all members of its corner.
+    fn add_hard_points(&self, loads: &Loads, shape: &Shape, variances: &mut [f64; FORCES]) {
+        for (wheel, coordinates) in shape.coordinates.iter().enumerate() {
+            let force_n = &loads.force_n[3 * wheel..3 * wheel + 3];
+            let strut = STRUT_ROW + wheel;
+            for carried in coordinates {
+                let [axial @ .., by_strut] =
+                    carried.map(|parts| self.care * linear::dot(&parts, force_n));
+                let by_strut = by_strut / loads.strut_mass_kg[wheel];
+                for (variance, response) in variances.iter_mut().zip(self.response.iter()) {
+                    let rows = &response[AXIAL.len() * wheel..];
+                    let effect = linear::dot(&axial, rows) + by_strut * response[strut];
+                    *variance += effect * effect;
+                }
+            }
+        }
     }
 }

@@ -12,8 +12,10 @@ use super::layout::{
     PRELOAD, RATE, ROTATIONS, SCALE, SHAPE, SIZE, TILT, TOLERATED, TURNED, WHEELS,
 };
 use super::linear;
+use super::rows::{covariance_of_rows, exact, tilted_moments, tolerance, unknown_sigma};
+use super::tolerances::Stated;
 use crate::fusion::relations::{
-    ACCEL_ROW, CHANNELS, Loads, ROWS, RelationWindow, STRUT_ROW, TURN_ROW, UNKNOWNS,
+    ACCEL_ROW, CHANNELS, Loads, ROWS, RelationWindow, STRUT_ROW, TURN_ROW,
 };
 use crate::statics::AXIAL;
 use crate::tuning::MistakeTuning;
@@ -39,6 +41,8 @@ pub struct Setup {
     pub count_n: [f64; CHANNELS],
     /// Standard deviation of the bias of the accelerometers, m/s^2.
     pub bias_sigma_m_s2: f64,
+    /// Tolerances that the files state.
+    pub stated: Stated,
 }
 
 /// Sum of the information of whitened rows z = h p + noise.
@@ -99,6 +103,11 @@ pub(super) struct Evidence {
 
 impl Evidence {
     pub(super) fn new(setup: Setup, tuning: MistakeTuning) -> Self {
+        let considered = Considered {
+            // Tolerances that a file states count from the beginning.
+            care: if setup.stated.is_any { 1.0 } else { 0.0 },
+            ..Considered::default()
+        };
         Self {
             sigma: std::array::from_fn(|at| tolerance(at, &setup, &tuning)),
             tuning,
@@ -109,7 +118,7 @@ impl Evidence {
             covariance: vec![0.0; TOLERATED * TOLERATED],
             mean: vec![0.0; TOLERATED],
             scratch: vec![0.0; TOLERATED * TOLERATED],
-            considered: Considered::default(),
+            considered,
             learnt_bias: [Vector3::zeros(), Vector3::repeat(f64::INFINITY)],
             windows: 0,
         }
@@ -144,15 +153,7 @@ impl Evidence {
     /// Takes the rows of the window once more, with the errors that they have where all parameters are exact: this
     /// information tells whether the parameters are.
     fn take_fine(&mut self, window: &RelationWindow, weight: f64) -> Option<()> {
-        let t = exact(&self.tuning, &self.setup);
-        let mut factor = covariance_of_rows(window, &self.setup, &t);
-        linear::factor(&mut factor, ROWS)?;
-        let tilted_n_m = tilted_moments(window, &self.setup);
-        for (force, response) in self.considered.response.iter_mut().enumerate() {
-            let sigma = unknown_sigma(window, &self.setup, force, &tilted_n_m, &t);
-            *response = std::array::from_fn(|row| window.gains[row][force] * sigma * sigma);
-            linear::solve(&factor, ROWS, response);
-        }
+        let factor = self.respond(window)?;
         let gains = &mut self.gains;
         gains.fill(0.0);
         tolerated_gains(&window.loads, &self.setup, &mut |row, column, gain| {
@@ -167,11 +168,61 @@ impl Evidence {
         Some(())
     }
 
-    /// Finds the factor on the tolerances for which the drive is likeliest; it stays if the likelihoods cannot be found.
+    /// Finds the gains of the forces on the rows of a window, with the errors that the rows have where all parameters
+    /// are exact. Returns the factor of the covariance of the rows.
+    fn respond(&mut self, window: &RelationWindow) -> Option<[f64; ROWS * ROWS]> {
+        let t = exact(&self.tuning, &self.setup);
+        let mut factor = covariance_of_rows(window, &self.setup, &t);
+        linear::factor(&mut factor, ROWS)?;
+        let tilted_n_m = tilted_moments(window, &self.setup);
+        for (force, response) in self.considered.response.iter_mut().enumerate() {
+            let sigma = unknown_sigma(window, &self.setup, force, &tilted_n_m, &t);
+            *response = std::array::from_fn(|row| window.gains[row][force] * sigma * sigma);
+            linear::solve(&factor, ROWS, response);
+        }
+        Some(factor)
+    }
+
+    /// Takes a window that says nothing of the parameters. Tolerances that a file states act on its forces, too.
+    pub(super) fn pass_over(&mut self, window: &RelationWindow) {
+        if self.setup.stated.is_any {
+            // Without gains of this window, those of the window before hold.
+            let _ = self.respond(window);
+        }
+    }
+
+    /// Finds the factor on the tolerances; it stays if the likelihoods cannot be found.
     pub(super) fn consider(&mut self) {
-        if let Some(care) = self.likeliest_care() {
+        let care = if self.setup.stated.is_any {
+            self.likeliest_stated_care()
+        } else {
+            self.likeliest_care()
+        };
+        if let Some(care) = care {
             self.considered.care = care;
         }
+    }
+
+    /// Factor on the tolerances; 0 where all parameters are taken for exact.
+    pub(super) fn care(&self) -> f64 {
+        self.considered.care
+    }
+
+    /// Likeliest factor on tolerances that a file states, 1 at least: the statement counts in full. Before the drive,
+    /// the logarithm of the factor has a normal distribution about that of 1.
+    fn likeliest_stated_care(&mut self) -> Option<f64> {
+        let t = self.tuning;
+        let mut best = (f64::NEG_INFINITY, 1.0);
+        let mut care = 1.0;
+        while care < t.care_stated_max {
+            let from_one = math::ln(care) / t.care_spread;
+            let likelihood = self.likelihood(care)? - 0.5 * from_one * from_one;
+            if likelihood > best.0 {
+                best = (likelihood, care);
+            }
+            care *= std::f64::consts::SQRT_2;
+        }
+        Some(best.1)
     }
 
     fn likeliest_care(&mut self) -> Option<f64> {
@@ -220,6 +271,15 @@ impl Evidence {
         let mut tolerance = self.sigma;
         // That of the height contains slopes of single wheels, which do not act on the forces.
         tolerance[HEIGHT] = self.tuning.cg_tolerance_m * self.setup.mass_kg;
+        if self.setup.stated.shape.is_some() {
+            // The hard-points have variances of their own.
+            tolerance[SHAPE..PRELOAD].fill(0.0);
+        }
+        if self.setup.stated.is_any {
+            // The filters have states for these.
+            tolerance[OFFSET..GAIN].fill(0.0);
+            tolerance[BIAS..TILT].fill(0.0);
+        }
         (considered.care > 0.0).then(|| considered.variances(loads, &self.setup, &tolerance))
     }
 
@@ -403,27 +463,6 @@ fn put_body(
     }
 }
 
-/// Covariance of the rows with the unknowns integrated out.
-fn covariance_of_rows(
-    window: &RelationWindow,
-    setup: &Setup,
-    t: &MistakeTuning,
-) -> [f64; ROWS * ROWS] {
-    let tilted_n_m = tilted_moments(window, setup);
-    let mut sum = [0.0; ROWS * ROWS];
-    let unknown: [f64; UNKNOWNS] =
-        std::array::from_fn(|k| unknown_sigma(window, setup, k, &tilted_n_m, t));
-    for i in 0..ROWS {
-        let scaled: [f64; UNKNOWNS] =
-            std::array::from_fn(|k| window.gains[i][k] * unknown[k] * unknown[k]);
-        for j in 0..=i {
-            sum[i * ROWS + j] = linear::dot(&scaled, &window.gains[j]);
-        }
-        sum[i * ROWS + i] += row_variance(window, i, setup, &tilted_n_m, t);
-    }
-    sum
-}
-
 /// The member forces that all other rows tell, N.
 fn expected_members(factor: &[f64; ROWS * ROWS], window: &RelationWindow) -> [f64; CHANNELS] {
     let mut inverse = [0.0; ROWS * ROWS];
@@ -454,103 +493,4 @@ pub(crate) fn right_angles(number: usize) -> Matrix3<f64> {
     let mut axes = (pairs.filter(|(x, y)| x / 2 != y / 2)).map(|(x, y)| (axis(x), axis(y)));
     let (x, y) = axes.nth(number).unwrap_or((Vector3::x(), Vector3::y()));
     Matrix3::from_columns(&[x, y, x.cross(&y)])
-}
-
-/// Moment of each load about the wheel's centre by a ground's normal that is not known, N m.
-fn tilted_moments(window: &RelationWindow, setup: &Setup) -> [f64; 4] {
-    std::array::from_fn(|wheel| {
-        let load_n = window.loads.force_n[3 * wheel + 2].max(0.0);
-        window.tilt_rad * load_n * setup.radius_m[wheel]
-    })
-}
-
-/// The errors of the rows where all parameters are exact.
-fn exact(tuning: &MistakeTuning, setup: &Setup) -> MistakeTuning {
-    let mut t = *tuning;
-    let counts_n = setup.count_n.iter().map(|count| count.abs());
-    let resolution = counts_n.fold(0.0, f64::max) / setup.load_n;
-    let part = math::hypot(t.exact_part, t.exact_counts * resolution);
-    for sigma in [
-        &mut t.member_sigma,
-        &mut t.strut_sigma,
-        &mut t.accel_sigma_m_s2,
-        &mut t.turn_sigma_rad_s2,
-    ] {
-        *sigma *= part;
-    }
-    t
-}
-
-/// Variance of what changes in a row from window to window.
-fn row_variance(
-    window: &RelationWindow,
-    row: usize,
-    setup: &Setup,
-    tilted_n_m: &[f64; 4],
-    t: &MistakeTuning,
-) -> f64 {
-    if !window.has(row) {
-        // So large that the row has no weight.
-        return 1e18;
-    }
-    let load = setup.load_n;
-    let squares = |own: f64, part: f64, density: f64| own * own + part * part * density.max(0.0);
-    match row {
-        0..STRUT_ROW => squares(
-            t.member_sigma * load,
-            t.road_member,
-            window.roads[row / AXIAL.len()],
-        ),
-        STRUT_ROW..ACCEL_ROW => {
-            let wheel = row - STRUT_ROW;
-            let mass = window.loads.strut_mass_kg[wheel];
-            squares(t.strut_sigma * load, t.road_member, window.roads[wheel]) / (mass * mass)
-        }
-        ACCEL_ROW..TURN_ROW => {
-            squares(setup.mass_kg * t.accel_sigma_m_s2, t.road_body, window.road)
-        }
-        _ => {
-            let axis = row - TURN_ROW;
-            let moments: f64 = tilted_n_m.iter().map(|moment| moment * moment).sum();
-            let tilted = t.tilt_turn * setup.inverse[(axis, axis)];
-            squares(t.turn_sigma_rad_s2, t.road_turn, window.road) + tilted * tilted * moments
-        }
-    }
-}
-
-/// Standard deviation of an unknown before the readings.
-fn unknown_sigma(
-    window: &RelationWindow,
-    setup: &Setup,
-    unknown: usize,
-    tilted_n_m: &[f64; 4],
-    t: &MistakeTuning,
-) -> f64 {
-    let load = setup.load_n;
-    let lever = load * setup.radius_m.iter().sum::<f64>() / 4.0;
-    match unknown {
-        0..12 => t.force_sigma[unknown % 3] * load,
-        12..20 => math::hypot(t.moment_sigma * lever, tilted_n_m[(unknown - 12) / 2]),
-        20..24 => load * t.strut_error + t.damping_error * window.damper_n[unknown - 20].abs(),
-        24..26 => t.torque_sigma[0] * lever,
-        _ => t.torque_sigma[1] * lever,
-    }
-}
-
-/// Standard deviation of a parameter that is no mistake.
-fn tolerance(at: usize, setup: &Setup, t: &MistakeTuning) -> f64 {
-    match at {
-        OFFSET..GAIN => setup.offset_sigma_n[at],
-        GAIN..SHAPE => t.gain_tolerance,
-        SHAPE..PRELOAD => t.shape_tolerance,
-        PRELOAD..RATE => t.preload_tolerance * setup.load_n,
-        RATE..MASS => t.rate_tolerance,
-        MASS => t.mass_tolerance * setup.mass_kg,
-        FIRST_MOMENT..HEIGHT => t.cg_tolerance_m * setup.mass_kg,
-        HEIGHT => t.height_tolerance_m * setup.mass_kg,
-        BIAS..TILT => setup.bias_sigma_m_s2,
-        TILT..LEVER => t.tilt_tolerance_rad,
-        LEVER..SCALE => t.lever_tolerance_m,
-        _ => t.scale_tolerance,
-    }
 }

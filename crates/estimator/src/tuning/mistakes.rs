@@ -99,6 +99,10 @@ tuning! {
         care_limits: [f64; 2] = [1.5, 0.02], "1, 1";
         /// Logarithm of the ratio of likelihoods from which parameters are no longer taken for exact.
         care_ratio: f64 = 1.0, "1";
+        /// Bound of the factor on tolerances that a file states, which is 1 at least.
+        care_stated_max: f64 = 3.0, "1";
+        /// Standard deviation of the logarithm of that factor before the drive.
+        care_spread: f64 = 0.5, "1";
         /// Standard deviation of the offsets of channels that were not zeroed.
         offset_counts: f64 = 12.0, "counts";
         /// Standard deviation of the offset of one channel whose zero is wrong.

@@ -33,6 +33,7 @@ mod smoother;
 mod subsets;
 mod terrain;
 mod truth;
+mod units;
 mod workshop;
 
 #[global_allocator]

@@ -32,11 +32,15 @@ const VEHICLE: File = File {
         unsprung parts are in the frame of their axle: the origin is on the design ground plane, in the \
         middle plane of the vehicle, below the line through the wheel centres. They are those of the left \
         corner; the right corner is its mirror image. Positions of payloads and of the hitch are in the \
-        frame of the front axle. `rear` has the fields of `front`.",
+        frame of the front axle. `rear` has the fields of `front`.\n\n\
+        A tolerance is the bound of an error of either sign that is equally likely within it; 0 means that the \
+        value is exact. The tolerances are those of a workshop that measures what the file contains: \
+        [Parameters that are not exact](estimator.md#parameters-that-are-not-exact) says what they do.",
     sources: &[
         include_str!("../vehicle.rs"),
         include_str!("../vehicle/payload.rs"),
         include_str!("../vehicle/pressure.rs"),
+        include_str!("../tolerances.rs"),
     ],
     sections: crate::vehicle::SECTIONS,
     structures: &[
@@ -56,6 +60,7 @@ const VEHICLE: File = File {
         ("drivetrain", "Drivetrain"),
         ("payload", "Payload"),
         ("hitch", "Hitch"),
+        ("tolerances", "VehicleTolerances"),
     ],
 };
 
@@ -63,8 +68,13 @@ const SENSORS: File = File {
     title: "Sensors file",
     introduction: "A sensors file describes the sensors of a vehicle in SI units: rates, ranges, wiring, \
         positions and noise. `atvrec sensors show thesis-10bit` prints an example, and \
-        `atvrec sensors check` checks a file ([Commands](commands.md#vehicle-and-sensors)).",
-    sources: &[include_str!("../sensors.rs")],
+        `atvrec sensors check` checks a file ([Commands](commands.md#vehicle-and-sensors)).\n\n\
+        A tolerance is the bound of an error of either sign that is equally likely within it; 0 means that the \
+        value is exact: [Parameters that are not exact](estimator.md#parameters-that-are-not-exact).",
+    sources: &[
+        include_str!("../sensors.rs"),
+        include_str!("../tolerances.rs"),
+    ],
     sections: crate::sensors::SECTIONS,
     structures: &[
         ("", "Sensors"),
@@ -81,6 +91,7 @@ const SENSORS: File = File {
         ("wheel_angles", "WheelAngles"),
         ("hub_acceleration", "HubAcceleration"),
         ("bus", "Bus"),
+        ("tolerances", "SensorsTolerances"),
     ],
 };
 
@@ -130,8 +141,14 @@ fn comments(sources: &[&str], structure: &str) -> BTreeMap<String, Comment> {
                 "u8" => "16",
                 kind => panic!("{kind} has no default value here"),
             };
+            let meaning = std::mem::take(&mut meaning);
+            // A comment can state what holds without the field.
+            let (meaning, default) = match meaning.split_once(" Without it: ") {
+                Some((meaning, without)) => (meaning, without.trim_end_matches('.')),
+                None => (meaning.as_str(), default),
+            };
             let comment = Comment {
-                meaning: std::mem::take(&mut meaning),
+                meaning: meaning.to_owned(),
                 default: default.to_owned(),
             };
             found.insert(name.to_owned(), comment);

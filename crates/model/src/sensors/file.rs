@@ -10,6 +10,7 @@ use crate::file::FileErrors;
 use crate::file::rules::Kind::{Choice, Choices, Integer, Number, Table, Text, Vector};
 use crate::file::rules::Range::{NonNegative, Positive, Within};
 use crate::file::rules::{self, Checked, Kind, Rule, TableRules, may, must};
+use crate::tolerances::OF_SENSORS;
 
 /// All that is wrong with a sensors file.
 pub type SensorsErrors = FileErrors;
@@ -81,6 +82,7 @@ pub(crate) const SECTIONS: &[TableRules] = &[
             may("wheel_angles", Table),
             may("hub_acceleration", Table),
             may("bus", Table),
+            may("tolerances", Table),
         ],
     },
     TableRules {
@@ -213,6 +215,10 @@ pub(crate) const SECTIONS: &[TableRules] = &[
             must("name", Text),
             must("bit_rate", Integer(5_000, 1_000_000)),
         ],
+    },
+    TableRules {
+        tables: &["tolerances"],
+        rules: OF_SENSORS,
     },
 ];
 

@@ -168,6 +168,7 @@ impl From<Plain> for Vehicle {
             drivetrain: plain.drivetrain,
             payload: Vec::new(),
             hitch: None,
+            tolerances: None,
             sources,
         }
     }

@@ -3,6 +3,7 @@
 use crate::file::rules::Kind::{Flag, Number, Pairs, Table, Tables, Text, Texts, TyreFile, Vector};
 use crate::file::rules::Range::{Finite, NonNegative, Positive, Within};
 use crate::file::rules::{Kind, Rule, TableRules, may, must, must_unless};
+use crate::tolerances::OF_VEHICLE;
 
 /// Lengths beyond this are taken for millimetres.
 pub(super) const LENGTH: f64 = 30.0;
@@ -76,6 +77,10 @@ pub(crate) const SECTIONS: &[TableRules] = &[
         tables: &["hitch"],
         rules: HITCH,
     },
+    TableRules {
+        tables: &["tolerances"],
+        rules: OF_VEHICLE,
+    },
 ];
 
 const TOP: &[Rule] = &[
@@ -89,6 +94,7 @@ const TOP: &[Rule] = &[
     may("sources", Texts),
     may("payload", Tables),
     may("hitch", Table),
+    may("tolerances", Table),
 ];
 
 const HITCH: &[Rule] = &[must("position_m", POINT)];

@@ -303,7 +303,7 @@ class Event:
     kind: str
     """``lift_warning``, ``lift``, ``touchdown``, ``two_wheel_lift_warning``, ``two_wheel_lift``,
     ``surface_change``, ``sensor_fault``, ``sensor_recovered``, ``filter_reset``,
-    ``filter_recovered`` or ``mistake``."""
+    ``filter_recovered``, ``mistake`` or ``inexact_parameters``."""
     text: str
     """Description, for people."""
     probability: float | None

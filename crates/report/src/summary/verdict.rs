@@ -15,13 +15,12 @@ pub fn of(drive: &Drive, summary: &Summary) -> Vec<String> {
     if changes > 0 {
         verdict.push(many(changes, "change of surface", "changes of surface"));
     }
-    for event in &drive.events {
-        if let EventKind::Mistake(subject) = &event.kind {
-            verdict.push(format!(
-                "mistake of the configuration: {subject} (see the events)"
-            ));
-        }
-    }
+    verdict.extend(
+        drive
+            .events
+            .iter()
+            .filter_map(|event| configuration(drive, event)),
+    );
     let resets = count(|kind| matches!(kind, EventKind::FilterReset));
     if resets > 0 {
         verdict.push(format!(
@@ -46,6 +45,20 @@ pub fn of(drive: &Drive, summary: &Summary) -> Vec<String> {
         None => "estimates without statistics of innovations".to_owned(),
     });
     verdict
+}
+
+/// What an event says of the configuration.
+fn configuration(drive: &Drive, event: &Event) -> Option<String> {
+    match &event.kind {
+        EventKind::Mistake(subject) => Some(format!(
+            "mistake of the configuration: {subject} (see the events)"
+        )),
+        EventKind::InexactParameters(_) => Some(format!(
+            "readings contradict exact parameters: standard deviations of forces contain their errors from {:.0} s on",
+            drive.seconds(event.time)
+        )),
+        _ => None,
+    }
 }
 
 /// A count with its noun.
@@ -111,4 +124,40 @@ pub fn spans(drive: &Drive) -> Vec<(String, [f64; 2])> {
         }
     }
     spans
+}
+
+#[cfg(test)]
+mod tests {
+    use sample::LogTime;
+
+    use super::*;
+
+    /// The verdict of a drive of which nothing but one event is known.
+    fn of_event(kind: EventKind) -> Vec<String> {
+        let mut drive = Drive::default();
+        drive.events.push(Event {
+            time: LogTime(12_400_000_000),
+            onset: LogTime(12_400_000_000),
+            kind,
+            probability: None,
+            load_transfer_ratio: None,
+            text: String::new(),
+        });
+        of(&drive, &Summary::default())
+    }
+
+    #[test]
+    fn the_verdict_says_since_when_readings_contradict_exact_parameters() {
+        let verdict = of_event(EventKind::InexactParameters(0.75));
+        let found = verdict
+            .iter()
+            .find(|text| text.contains("exact parameters"));
+        let text = found.expect("a sentence on the parameters");
+        assert!(
+            text.ends_with("contain their errors from 12 s on"),
+            "{text}"
+        );
+        let verdict = of_event(EventKind::FilterRecovered);
+        assert!(!verdict.iter().any(|text| text.contains("exact parameters")));
+    }
 }

@@ -338,6 +338,7 @@ pub(super) fn event_to_proto(event: &Event) -> pb::Event {
         EventKind::SensorFault(name) => Kind::SensorFault(name.clone()),
         EventKind::SensorRecovered(name) => Kind::SensorRecovered(name.clone()),
         EventKind::Mistake(name) => Kind::Mistake(name.clone()),
+        EventKind::InexactParameters(factor) => Kind::InexactParameters(*factor),
         EventKind::FilterReset => Kind::FilterReset(pb::FilterReset {}),
         EventKind::FilterRecovered => Kind::FilterRecovered(pb::FilterRecovered {}),
     };
@@ -377,6 +378,7 @@ pub(super) fn event_from_proto(time: LogTime, event: pb::Event) -> Result<Event,
         Kind::SensorFault(name) => EventKind::SensorFault(name),
         Kind::SensorRecovered(name) => EventKind::SensorRecovered(name),
         Kind::Mistake(name) => EventKind::Mistake(name),
+        Kind::InexactParameters(factor) => EventKind::InexactParameters(factor),
         Kind::FilterReset(_) => EventKind::FilterReset,
         Kind::FilterRecovered(_) => EventKind::FilterRecovered,
     };

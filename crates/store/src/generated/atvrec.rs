@@ -1190,7 +1190,10 @@ pub struct Event {
     /// Of the vehicle at the declaration (Rollover.load_transfer_ratio), of lifts and their warnings.
     #[prost(double, optional, tag = "14")]
     pub load_transfer_ratio: ::core::option::Option<f64>,
-    #[prost(oneof = "event::Kind", tags = "4, 16, 17, 18, 9, 10, 11, 12, 13, 15, 19")]
+    #[prost(
+        oneof = "event::Kind",
+        tags = "4, 16, 17, 18, 9, 10, 11, 12, 13, 15, 19, 20"
+    )]
     pub kind: ::core::option::Option<event::Kind>,
 }
 /// Nested message and enum types in `Event`.
@@ -1222,6 +1225,9 @@ pub mod event {
         /// What a mistake of the configuration concerns.
         #[prost(string, tag = "19")]
         Mistake(::prost::alloc::string::String),
+        /// The parameters are not exact: about this factor times their tolerances.
+        #[prost(double, tag = "20")]
+        InexactParameters(f64),
     }
 }
 impl ::prost::Name for Event {

@@ -467,6 +467,7 @@ fn events(time: LogTime) -> Vec<Record> {
         EventKind::SensorFault("crossbow".to_owned()),
         EventKind::SensorRecovered("crossbow".to_owned()),
         EventKind::Mistake("front left upper_front: gain".to_owned()),
+        EventKind::InexactParameters(0.75),
         EventKind::FilterReset,
         EventKind::FilterRecovered,
     ];

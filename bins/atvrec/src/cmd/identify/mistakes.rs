@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use engine::{find_mistakes, mistakes_as_json};
-use estimator::{Calibration, MistakeReport};
+use estimator::mistakes::Described;
+use estimator::{Calibration, MistakeReport, ParameterErrors};
 use sample::text::printable;
 
 use super::judged;
@@ -28,7 +29,7 @@ pub fn run(args: &IdentifyMistakesArgs) -> anyhow::Result<Outcome> {
     } else {
         print(&report, args.output.as_deref());
     }
-    Ok(if report.found.is_empty() {
+    Ok(if report.is_clean() {
         Outcome::Good
     } else {
         Outcome::Failed
@@ -38,7 +39,9 @@ pub fn run(args: &IdentifyMistakesArgs) -> anyhow::Result<Outcome> {
 /// Text of the corrected calibration, with what it cannot contain as comments.
 fn calibration(report: &MistakeReport, mut corrected: Calibration) -> anyhow::Result<String> {
     let mut text = String::from("# Result of `atvrec identify mistakes`.\n");
-    for (_, words) in &report.found {
+    let units = report.units.iter().map(|(_, unit)| unit.describe());
+    let found = report.found.iter().map(|(_, words)| words.clone());
+    for words in units.chain(found) {
         writeln!(
             text,
             "# {}: {}; {}",
@@ -61,10 +64,11 @@ fn calibration(report: &MistakeReport, mut corrected: Calibration) -> anyhow::Re
 }
 
 fn print(report: &MistakeReport, output: Option<&Path>) {
+    for (_, unit) in &report.units {
+        print_mistake(&unit.describe());
+    }
     for (found, words) in &report.found {
-        println!("mistake: {}", printable(&words.subject));
-        println!("    likely cause: {}", printable(&words.cause));
-        println!("    next step: {}", printable(&words.remedy));
+        print_mistake(words);
         println!(
             "    logarithm of the ratio of likelihoods: {:.0}",
             found.judged.ratio
@@ -72,9 +76,9 @@ fn print(report: &MistakeReport, output: Option<&Path>) {
     }
     println!(
         "{} mistakes found; {:.0} s of driving were used{}",
-        report.found.len(),
+        report.found.len() + report.units.len(),
         report.driven.used_s,
-        if report.found.is_empty() {
+        if report.is_clean() {
             ""
         } else {
             " after the last correction"
@@ -90,7 +94,33 @@ fn print(report: &MistakeReport, output: Option<&Path>) {
     if !report.is_decisive || report.is_suspected {
         println!("not decided; manoeuvre that decides: {}", report.manoeuvre);
     }
+    println!("{}", parameters(&report.parameters));
     if let Some(output) = output {
         println!("wrote {}", output.display());
+    }
+}
+
+fn print_mistake(words: &Described) {
+    println!("mistake: {}", printable(&words.subject));
+    println!("    likely cause: {}", printable(&words.cause));
+    println!("    next step: {}", printable(&words.remedy));
+}
+
+/// What the drive says of the errors of the parameters within their tolerances.
+fn parameters(errors: &ParameterErrors) -> String {
+    let factor = errors.factor;
+    if errors.are_stated {
+        format!(
+            "parameters: errors of about {factor:.1} times the tolerances that the files state; the standard \
+             deviations of the forces contain them from the start"
+        )
+    } else if let Some(since_s) = errors.since_s {
+        format!(
+            "parameters: the readings contradict exact ones, as errors of about {factor:.1} times the tolerances of a careful workshop do; the standard \
+             deviations of the forces contain them from {since_s:.1} s on; give the vehicle file and the sensors file a \
+             table [tolerances], so that they contain them from the start"
+        )
+    } else {
+        "parameters: the readings agree with exact parameters".to_owned()
     }
 }
