@@ -15,6 +15,10 @@ pub struct EstimatorFeedback {
     /// Motion of the centre of gravity from the sum of all tyre forces; less noisy than the
     /// inertial unit's. `None` while the inertial unit is silent or contradicts the forces.
     pub body_motion: Option<BodyMotionEstimate>,
+    /// Angular acceleration of the body from the balance of moments, body axes, rad/s². The derivative of
+    /// the gyros is late and noisy. `None` while the inertial unit does not agree with the balances, and for
+    /// a vehicle that stands.
+    pub rate_dot_rad_s2: Option<Vector3<f64>>,
     /// Error of the front wheels' steer angle: how much further left they point than the steering
     /// wheel's zero states, rad.
     pub steer_offset_rad: f64,

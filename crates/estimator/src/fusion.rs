@@ -138,6 +138,8 @@ pub struct Fusion {
     /// Acceleration of the body from the sum of all tyre forces, also while the inertial unit
     /// disagrees.
     ahead: BodyMotionEstimate,
+    /// Its angular acceleration a step before, rad/s^2.
+    rate_dot_before_rad_s2: Vector3<f64>,
     /// Consecutive readings of each gyro beyond the gate.
     gyro_rejections: [u32; 3],
     /// Variance of each accelerometer's expected reading, (m/s^2)^2.
@@ -293,6 +295,7 @@ impl Fusion {
             moved: [[0.0; 2]; 4],
             body_motion: None,
             ahead: BodyMotionEstimate::default(),
+            rate_dot_before_rad_s2: Vector3::zeros(),
             gyro_rejections: [0; 3],
             accel_variance: [0.0; 3],
             agreed: false,
@@ -407,6 +410,7 @@ impl Fusion {
         // On jackstands the tyre forces are not the only ones that move the body.
         self.rolling = input.motion.velocity_m_s.x.abs() > self.tuning.rolling_speed_m_s;
         let alone = !input.motion.inertial && self.rolling;
+        self.rate_dot_before_rad_s2 = self.ahead.rate_dot_rad_s2;
         self.ahead = self.body_motion_ahead(&model.balance);
         self.body_motion = (alone && !self.settling()).then_some(self.ahead);
         for wheel in 0..4 {
@@ -628,6 +632,16 @@ impl Fusion {
     #[must_use]
     pub fn body_motion(&self) -> Option<BodyMotionEstimate> {
         self.body_motion
+    }
+
+    /// Angular acceleration of the body at the next step from the balances of moments of the last two steps, body
+    /// axes, rad/s^2. `None` where the vehicle can be held, where a corner's strain is missing, and where the inertial unit
+    /// did not agree with the balances.
+    #[must_use]
+    pub fn rate_dot_rad_s2(&self) -> Option<Vector3<f64>> {
+        let is_known = self.rolling && self.imu_agrees() && !self.settling();
+        let now = self.ahead.rate_dot_rad_s2;
+        is_known.then(|| now + self.tuning.turn_ahead * (now - self.rate_dot_before_rad_s2))
     }
 
     /// Innovations since they were last reported.

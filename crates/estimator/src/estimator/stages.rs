@@ -127,11 +127,13 @@ impl Estimator {
     }
 
     /// Stage 2: propagates the motion filter to `time` and, while GNSS is silent, corrects it by
-    /// wheel speeds and tyre slip.
+    /// wheel speeds and tyre slip. The angular acceleration is that of the balance of moments, if it is known.
     pub(super) fn propagate(&mut self, time: LogTime) -> MotionState {
         self.motion.coast(time);
         self.aid_motion(time);
-        self.motion.state(time)
+        let solution = self.motion.solution();
+        let rate_dot = (self.feedback.rate_dot_rad_s2).filter(|_| solution.inertial);
+        solution.state_turning(time, rate_dot.unwrap_or(solution.rate_dot))
     }
 
     /// Stage 3: the single-track filter of a vehicle without linkages. Its motion replaces the
@@ -432,6 +434,7 @@ impl Estimator {
                 std::array::from_fn(|wheel| fusion.strut(wheel))
             }),
             body_motion: fusion.and_then(Fusion::body_motion),
+            rate_dot_rad_s2: fusion.and_then(Fusion::rate_dot_rad_s2),
             steer_offset_rad: self.grip.steer_offset().0,
             steering_wheel,
             imu_consistent: self.monitors.imu_consistent(),

@@ -56,10 +56,16 @@ impl Solution {
     /// The motion at `now`, extrapolated from the last reading by at most 50 ms.
     #[must_use]
     pub fn state(&self, now: LogTime) -> MotionState {
+        self.state_turning(now, self.rate_dot)
+    }
+
+    /// The same with the body's angular acceleration from another source, body axes, rad/s².
+    #[must_use]
+    pub fn state_turning(&self, now: LogTime, rate_dot: Vector3<f64>) -> MotionState {
         let ahead_s = self
             .time
             .map_or(0.0, |time| now.seconds_since(time).clamp(-0.02, STEP_MAX_S));
-        let rate = self.rate - self.gyro_bias + self.rate_dot * ahead_s;
+        let rate = self.rate - self.gyro_bias + rate_dot * ahead_s;
         let earth_from_body =
             self.earth_from_body * Rotation3::new((self.rate - self.gyro_bias) * ahead_s);
         let force = self.force - self.accel_bias;
@@ -81,8 +87,8 @@ impl Solution {
             earth_from_body,
             velocity_m_s: body,
             rate_rad_s: rate,
-            rate_dot_rad_s2: self.rate_dot,
-            specific_force_m_s2: force + self.rate_dot.cross(&arm) + rate.cross(&rate.cross(&arm)),
+            rate_dot_rad_s2: rate_dot,
+            specific_force_m_s2: force + rate_dot.cross(&arm) + rate.cross(&rate.cross(&arm)),
             accel_bias_m_s2: self.accel_bias,
             accel_bias_sigma_m_s2: Vector3::from_fn(|axis, _| {
                 self.covariance[(ACCEL_BIAS + axis, ACCEL_BIAS + axis)]

@@ -36,7 +36,7 @@ tuning! {
         /// Its time constant.
         strut_time_s: f64 = 0.1, "s";
         /// The same error near a stop, whose force begins inside a step, for 1 m/s of strut rate.
-        stop_sigma_n_s_m: f64 = 3000.0, "N s/m";
+        stop_sigma_n_s_m: f64 = 1000.0, "N s/m";
         /// Density of the noise of a strut's rate.
         strut_rate_density: f64 = 0.006, "m/s²/√Hz";
         /// Initial density of the noise of mean and difference.
@@ -54,6 +54,9 @@ tuning! {
         body_rate_max_rad_s: f64 = 10.0, "rad/s";
         /// Moment that the rigid-body balance does not contain.
         moment_noise_n_m: [f64; 3] = [10.0, 10.0, 15.0], "N m/√Hz";
+        /// Part of the change of the body's angular acceleration in the last step that the next step repeats. The
+        /// balance of moments is a step late without it.
+        turn_ahead: f64 = 0.25, "1";
         /// Time constant of the remaining accelerometer bias.
         accel_time_s: f64 = 30.0, "s";
         /// Smallest and largest standard deviation of the remaining accelerometer bias. Where mass
@@ -179,7 +182,7 @@ tuning! {
         /// braked pushes along all axes.
         shared: f64 = 0.02, "1";
         /// Bounds of the density of the rate of the load that the wheel's travel does not explain.
-        load_density_bounds: [f64; 2] = [15.0 * 15.0, 1.8e4 * 1.8e4], "(N/s)²/s";
+        load_density_bounds: [f64; 2] = [50.0 * 50.0, 1.8e4 * 1.8e4], "(N/s)²/s";
         /// Initial density of the white noise of the load, from the road.
         road_start: f64 = 2.0e4, "N²/s";
         /// Speed for which that density holds: the road passes in proportion.
@@ -230,7 +233,7 @@ tuning! {
         /// random walk.
         road_between: f64 = 0.004, "1";
         /// Standard deviation of a member's force from roughness, for a density of one.
-        road_member: f64 = 0.002, "√s";
+        road_member: f64 = 0.0015, "√s";
         /// The same of a strut's force.
         road_strut: f64 = 0.008, "√s";
         /// The same of a strut's acceleration.
