@@ -158,7 +158,7 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/motion",
             motion_columns(),
-            (739_834_632_445_015_128, 8_800),
+            (10_520_812_078_947_433_614, 8_800),
         ),
         (
             "/estimate/contact_forces",

@@ -407,6 +407,7 @@ fn a_steer_sweep_gives_the_yaw_response_that_the_vehicle_has() {
         let (name, of_truth) = (&expected.name, expected.value);
         let (value, sigma) = (value(&found, name), sigma(&found, name));
         let apart = (value - of_truth).abs() / math::hypot(sigma, expected.sigma);
-        assert!(apart < 2.0, "{name}: {value} +- {sigma}, {of_truth}");
+        // The largest of four or five, with a probability of 95 %.
+        assert!(apart < 2.6, "{name}: {value} +- {sigma}, {of_truth}");
     }
 }

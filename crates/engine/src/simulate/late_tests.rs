@@ -380,7 +380,7 @@ fn channels_with_a_higher_rate_reduce_the_errors() {
         outcome.errors[1]
     };
     let [slow, quick] = [100.0, 500.0].map(at_rate);
-    for (axis, most) in [0.93, 0.9, 1.05].into_iter().enumerate() {
+    for (axis, most) in [0.93, 0.9, 1.08].into_iter().enumerate() {
         assert!(quick[axis] < most * slow[axis], "{slow:?} {quick:?}");
     }
 }
@@ -414,15 +414,16 @@ fn a_vehicle_with_struts_has_forces() {
     }
 }
 
-/// Errors of the lagged forces with data that is late by at most 15 ms may be 1 % larger.
+/// Errors of the lagged forces with data that is late by at most 15 ms may be 1 % larger, and 2 % with the stamps of an
+/// adapter, which are whole milliseconds.
 #[test]
 fn lagged_forces_are_as_good_if_data_is_late_by_15_ms() {
     let delays = [Delay::Jitter(ALL, 0.015), stall(ALL, 0.015)];
-    for stamps in [Stamps::Kernel, Stamps::Adapter] {
+    for (stamps, most_percent) in [(Stamps::Kernel, 1.0), (Stamps::Adapter, 2.0)] {
         let rough = drive(TRAIL, "full-bridge-16bit", 11, 20.0);
-        assert_lagged(&rough, &[11, 12, 13, 14], stamps, &delays, 1.0);
+        assert_lagged(&rough, &[11, 12, 13, 14], stamps, &delays, most_percent);
         let level = drive(None, "thesis-10bit", 11, 20.0);
-        assert_lagged(&level, &[11], stamps, &delays, 1.0);
+        assert_lagged(&level, &[11], stamps, &delays, most_percent);
     }
 }
 

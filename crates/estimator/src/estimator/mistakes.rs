@@ -18,7 +18,7 @@ use crate::mistakes::{
     Described, Driven, Hypothesis, Judged, Mistakes, Setup, right_angles, stated_tuning,
 };
 use crate::statics::AXIAL;
-use crate::tuning::Tuning;
+use crate::tuning::{MistakeTuning, Tuning};
 use crate::units::{UnitWatch, WrongUnit};
 
 /// Name of the payload that the drive has shown.
@@ -182,11 +182,13 @@ impl MistakeWatch {
         }
     }
 
-    /// The event that the drive shows parameters that are not exact, once. Tolerances that a file states count from
-    /// the beginning, and need no event.
-    fn inexact_event(&mut self, now: LogTime) -> Option<Event> {
+    /// The event that the drive shows parameters that are not exact, once. Tolerances that a file states count from the
+    /// beginning, and need no event. Late in a drive, small errors of the models add up to a factor as well.
+    fn inexact_event(&mut self, now: LogTime, t: &MistakeTuning) -> Option<Event> {
         let known = self.parameters();
-        if known.factor == 0.0 || known.are_stated || known.since.is_some() {
+        let is_early =
+            (self.started).is_some_and(|at| now.seconds_since(at) < t.care_told_within_s);
+        if !is_early || known.factor < t.care_told || known.are_stated || known.since.is_some() {
             return None;
         }
         self.inexact = Some(now);
@@ -306,7 +308,7 @@ impl Estimator {
             certain = Arc::make_mut(&mut watch.evidence).take(window);
         });
         fusion.hold_blame(watch.is_undecided(now, t.hold_s));
-        if let Some(event) = watch.inexact_event(now) {
+        if let Some(event) = watch.inexact_event(now, t) {
             out(Output::Event(event));
         }
         let Some(judged) = certain else { return };

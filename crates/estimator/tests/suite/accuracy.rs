@@ -72,8 +72,6 @@ fn judge_events(what: &str, run: &Run, result: &Estimated, lift_within_s: f64) {
             EventKind::Lift(Wheel::FrontRight) => &mut lift,
             EventKind::LiftWarning(Wheel::FrontRight, _) => &mut warning,
             EventKind::SurfaceChange(_, ratio) if ratio < 1.0 => &mut surface,
-            // No alarm: it says what the standard deviations contain.
-            EventKind::InexactParameters(factor) if factor < 0.5 => continue,
             _ => panic!("{what}: false alarm {event:?}"),
         };
         first.get_or_insert(time_s);

@@ -5,8 +5,8 @@ use atvrec_estimator::{Calibration, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
-    ControlSample, LogTime, Measurement, PerWheel, Road, RoadUnknown, Sample, Signal, SourceId,
-    Wheel,
+    ControlSample, EventKind, LogTime, Measurement, PerWheel, Road, RoadUnknown, Sample, Signal,
+    SourceId, Wheel,
 };
 use sim::Manoeuvre;
 use testkit::drive::virtual_drive;
@@ -199,9 +199,12 @@ fn a_known_load_on_the_hitch_disturbs_nothing() {
         run.vector(["hitch_Fx", "hitch_Fy", "hitch_Fz"], row)
     }));
     measured.sort_by_key(|sample| sample.log_time);
-    let worst = |samples: &[Sample]| {
+    let worst = |samples: &[Sample], is_known: bool| {
         let settings = Settings::default();
-        let found = estimate(&vehicle, &sensors, &calibration, settings, samples);
+        let mut found = estimate(&vehicle, &sensors, &calibration, settings, samples);
+        // A force that is not measured contradicts the vehicle file.
+        (found.events)
+            .retain(|event| is_known || !matches!(event.kind, EventKind::InexactParameters(_)));
         assert!(found.events.is_empty(), "{:?}", found.events);
         let error = PerWheel::from_fn(|wheel| {
             let name = wheel.abbreviation();
@@ -214,7 +217,7 @@ fn a_known_load_on_the_hitch_disturbs_nothing() {
         });
         error.0.into_iter().fold(0.0, f64::max)
     };
-    let [known, unknown] = [&measured, &plain].map(|samples| worst(samples));
+    let [known, unknown] = [worst(&measured, true), worst(&plain, false)];
     eprintln!("F_x with a measured hitch force: {known:.1} N rms, without: {unknown:.1} N");
     assert!(known < 0.7 * unknown, "{known} {unknown}");
 }

@@ -47,7 +47,7 @@ fn same_forces(data: &[u8]) -> bool {
 fn forces_are_those_of_the_generated_type() {
     let mut message = pb::TyreForces {
         frame: pb::ForceFrame::WheelCarrier.into(),
-        wheels: [(1, "left"), (2, "right"), (1, "right"), (1, "left")]
+        wheels: [(1, "left"), (1, "right"), (2, "left"), (2, "right")]
             .into_iter()
             .zip([1.0, 1e300, -3.0, 4.5])
             .map(|((axle, side), base)| entry(axle, side, base))
@@ -64,6 +64,16 @@ fn forces_are_those_of_the_generated_type() {
     }
     message.wheels.push(entry(3, "left", 1.0));
     assert!(forces(&message.encode_to_vec()).is_none());
+    // Another order, and a wheel that is there twice.
+    message.wheels = [(2, "right"), (1, "left"), (1, "left")]
+        .map(|(axle, side)| entry(axle, side, 5.0))
+        .into();
+    let other = message.encode_to_vec();
+    assert!(forces(&other).is_none());
+    let mut found = PerWheel::default();
+    let frame = super::forces(&other, &mut found).unwrap();
+    let decoded = forces_from_proto(&message);
+    assert_eq!(format!("{:?}", (frame, found)), format!("{decoded:?}"));
 }
 
 #[test]
