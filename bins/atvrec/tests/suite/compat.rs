@@ -163,7 +163,7 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/contact_forces",
             force_columns(),
-            (3_952_729_638_051_128_883, 9_600),
+            (18_124_798_289_830_769_064, 9_600),
         ),
     ] {
         let table = stdout(&run(&["export", "again.mcap", "-t", topic]));
