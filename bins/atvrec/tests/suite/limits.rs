@@ -55,8 +55,8 @@ fn the_bound_of_the_limits_holds_on_runs_to_the_limit() {
 }
 
 #[test]
-#[ignore = "seeds for scoring"]
-fn scored_seeds() {
+#[ignore = "the seeds that are scored: `make campaigns`"]
+fn campaign_of_scored_seeds() {
     score(&[1, 2, 3, 4]);
 }
 

@@ -80,8 +80,8 @@ fn sines_give_an_interval_of_the_camber_stiffness_that_contains_it() {
 }
 
 #[test]
-#[ignore = "seeds for scoring"]
-fn scored_seeds() {
+#[ignore = "the seeds that are scored: `make campaigns`"]
+fn campaign_of_scored_seeds() {
     for seed in 1..=4 {
         for manoeuvre in ["slow-sine", "mixed-driving"] {
             assert_trail(manoeuvre, seed);

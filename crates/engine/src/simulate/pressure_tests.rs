@@ -107,8 +107,8 @@ fn drives_at_two_pressures_give_the_law() {
 }
 
 #[test]
-#[ignore = "seeds for scoring: both manoeuvres"]
-fn scored_seeds_give_the_law() {
+#[ignore = "eight pairs of drives: `make campaigns`"]
+fn campaign_of_scored_seeds() {
     for seed in 1..=4 {
         assert_law("slow-sine", seed);
         assert_law("mixed-driving", seed);

@@ -195,8 +195,8 @@ fn a_drive_gives_toe_compliance_and_play() {
 }
 
 #[test]
-#[ignore = "seeds for scoring"]
-fn scored_seeds() {
+#[ignore = "the seeds that are scored: `make campaigns`"]
+fn campaign_of_scored_seeds() {
     for seed in 1..=4 {
         assert_that_sensors_replace_a_hidden_compliance(seed);
         assert_turn_plates(seed);

@@ -187,8 +187,9 @@ impl MistakeWatch {
     fn inexact_event(&mut self, now: LogTime, t: &MistakeTuning) -> Option<Event> {
         let known = self.parameters();
         let is_early =
-            (self.started).is_some_and(|at| now.seconds_since(at) < t.care_told_within_s);
-        if !is_early || known.factor < t.care_told || known.are_stated || known.since.is_some() {
+            (self.started).is_some_and(|at| now.seconds_since(at) < t.care_reported_within_s);
+        if !is_early || known.factor < t.care_reported || known.are_stated || known.since.is_some()
+        {
             return None;
         }
         self.inexact = Some(now);

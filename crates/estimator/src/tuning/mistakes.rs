@@ -100,9 +100,9 @@ tuning! {
         /// Logarithm of the ratio of likelihoods from which parameters are no longer taken for exact.
         care_ratio: f64 = 1.0, "1";
         /// Factor from which an event says that parameters are not exact.
-        care_told: f64 = 0.5, "1";
+        care_reported: f64 = 0.5, "1";
         /// Time from the start in which this event is given.
-        care_told_within_s: f64 = 60.0, "s";
+        care_reported_within_s: f64 = 60.0, "s";
         /// Bound of the factor on tolerances that a file states, which is 1 at least.
         care_stated_max: f64 = 3.0, "1";
         /// Standard deviation of the logarithm of that factor before the drive.
