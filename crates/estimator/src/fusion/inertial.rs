@@ -137,6 +137,9 @@ impl Fusion {
         let rows = self.inertial_rows(input, balance);
         let [force_ageing, turn_ageing] = self.inertial_ageing(input, model);
         let mut joint = self.covariance.project(&rows, &self.state);
+        if self.widen_for_push(input, balance, &joint) {
+            joint = self.covariance.project(&rows, &self.state);
+        }
         let agrees = self.take_accelerometers(input, balance, &rows, &mut joint, &force_ageing);
         self.agreed = agrees && input.used.force == [true; 3];
         let wrong_rate = self.take_gyros(input, balance, &mut joint, &turn_ageing);
@@ -256,6 +259,37 @@ impl Fusion {
             }
         }
         agrees
+    }
+
+    /// A force of all tyres along or across the vehicle that begins or ends within a step, as when brakes bring it
+    /// to a stop, is beyond the gate of an accelerometer, which would be left out where it knows most. Its
+    /// innovation widens the forces of all tyres first. Returns whether it did.
+    fn widen_for_push(&mut self, input: &StepInput<'_>, balance: &Balance, joint: &Joint) -> bool {
+        let t = self.tuning.balance;
+        if self.settling() || self.held {
+            return false;
+        }
+        let mass = self.body.mass_kg;
+        let [_, accel] = input.imu_sigma;
+        let sum = self.measured_sum_n(input, balance);
+        let rough = self.tuning.force_noise.road_sum.powi(2) * self.force_noise.mean_road();
+        let variance = mass * mass * accel * accel + t.sum_sigma_n.powi(2) + rough;
+        let gate = self.tuning.gate_sigma;
+        let mut widened = false;
+        for (m, axis) in UPWARD_FIRST.into_iter().enumerate().skip(1) {
+            let push_n = sum[axis] - joint.value(m);
+            if input.used.force[axis] && !within(gate, push_n, joint.variance(m) + variance) {
+                widened = true;
+                for wheel in 0..4 {
+                    for (state, part) in [axis, 2].into_iter().zip(t.push_parts) {
+                        let sigma_n = part * push_n;
+                        self.covariance
+                            .add_noise(FORCE + 3 * wheel + state, sigma_n * sigma_n);
+                    }
+                }
+            }
+        }
+        widened
     }
 
     /// The vehicle is held: the balance of moments does not give the angular rate.

@@ -32,13 +32,13 @@ tuning! {
         /// proportion.
         light_part: f64 = 0.03, "1";
         /// Error of the strut's model.
-        strut_sigma_n: f64 = 3.0, "N";
+        strut_sigma_n: f64 = 2.0, "N";
         /// Its time constant.
         strut_time_s: f64 = 0.1, "s";
         /// The same error near a stop, whose force begins inside a step, for 1 m/s of strut rate.
         stop_sigma_n_s_m: f64 = 1000.0, "N s/m";
         /// Density of the noise of a strut's rate.
-        strut_rate_density: f64 = 0.006, "m/s²/√Hz";
+        strut_rate_density: f64 = 0.004, "m/s²/√Hz";
         /// Initial density of the noise of mean and difference.
         torque_density: [f64; 2] = [1.0e4, 2.0], "(N m)²/s";
         /// Bounds of the density of the mean.
@@ -233,7 +233,7 @@ tuning! {
         /// random walk.
         road_between: f64 = 0.004, "1";
         /// Standard deviation of a member's force from roughness, for a density of one.
-        road_member: f64 = 0.0015, "√s";
+        road_member: f64 = 0.001, "√s";
         /// The same of a strut's force.
         road_strut: f64 = 0.008, "√s";
         /// The same of a strut's acceleration.
@@ -252,6 +252,9 @@ tuning! {
     BalanceTuning {
         /// Error of the model on the sum of all forces.
         sum_sigma_n: f64 = 10.0, "N";
+        /// Standard deviations that an innovation of an accelerometer beyond the gate adds to the force of each tyre
+        /// along its axis, and to its load, as parts of the innovation.
+        push_parts: [f64; 2] = [0.1, 0.02], "1";
         /// Standard deviation of roll and pitch rate from struts: the ground also turns.
         over_ground_sigma_rad_s: f64 = 0.2, "rad/s";
         /// Part of the weight that the tyres must carry before a vehicle that was held counts as
