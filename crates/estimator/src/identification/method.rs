@@ -410,15 +410,20 @@ fn friction(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError
 }
 
 fn slip(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorError> {
-    of_axles(recorded, |axle, file| {
-        let options = slip::Options {
-            dt_s: recorded.drive.dt_s,
-            reference_load_n: file.reference_load_n,
-            load_exponent: file.load_exponent,
-            friction: file.friction,
-            seed,
-        };
-        let result = slip::identify(&recorded.rolling(axle), &options)?;
+    let tyres = [&recorded.vehicle.front.tyre, &recorded.vehicle.rear.tyre];
+    let options = tyres.map(|file| slip::Options {
+        dt_s: recorded.drive.dt_s,
+        reference_load_n: file.reference_load_n,
+        load_exponent: file.load_exponent,
+        friction: file.friction,
+        radius_m: file.unloaded_radius_m,
+        vertical_stiffness_n_m: file.vertical_stiffness_n_m,
+        seed,
+    });
+    let wheels = [0, 1].map(|axle| recorded.rolling(axle));
+    let found = slip::identify(wheels.each_ref(), options.each_ref());
+    of_axles(recorded, |axle, _| {
+        let result = found[axle].clone()?;
         let value = result.value("slip_stiffness")[0];
         Ok((result, Some(("slip_stiffness_n", value))))
     })

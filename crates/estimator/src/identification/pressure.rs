@@ -8,6 +8,9 @@
 //!
 //! and, with independent errors of the two drives, the variance of c is
 //! ((dp_2 - dp_1)/D^2)^2 (v_2^2 s_1^2 + v_1^2 s_2^2). The pressures are taken as exact.
+//!
+//! The force filter needs the vertical stiffness at each pressure: the compression of the tyres tells the lean of the
+//! body over the ground, and a wrong lean makes the lateral forces wrong by the same part in each turn.
 
 use model::vehicle::pressure_change;
 
@@ -19,6 +22,13 @@ use crate::statistics::interval_95;
 /// Names of what a result of `identify tyre` has beside its findings, Pa.
 const PRESSURE: &str = "tyre_pressure";
 const NOMINAL: &str = "nominal_pressure";
+/// Change of the vertical stiffness that the vehicle file has.
+const VERTICAL: &str = "vertical_stiffness_change";
+/// Note of drives whose vehicle file has no change of the vertical stiffness.
+const NO_VERTICAL: &str = "the vehicle file has no vertical_stiffness_change of this tyre: the lateral forces of both \
+                           drives are wrong by the difference of the vertical stiffness, and the change of the \
+                           cornering stiffness comes out too small; measure the compression of the tyre over its load \
+                           at both pressures, enter the change, and replay both logs";
 /// Least difference of the relative pressures of two drives.
 const CHANGE_MIN: f64 = 0.05;
 /// Findings that change with the pressure: name, field of the tyre, and field of its law.
@@ -38,12 +48,18 @@ pub(super) fn note(found: &mut Findings, recorded: &Recorded, axle: usize) {
     let nominal = &recorded.nominal;
     let tyre = [&nominal.front.tyre, &nominal.rear.tyre][axle];
     let pressure_pa = recorded.pressures_pa[axle];
+    let vertical = tyre
+        .pressure
+        .as_ref()
+        .map(|law| law.vertical_stiffness_change);
+    let driven = pressure_pa.is_finite().then_some(pressure_pa);
     let known = [
-        (PRESSURE, pressure_pa.is_finite().then_some(pressure_pa)),
-        (NOMINAL, tyre.nominal_pressure_pa()),
+        (PRESSURE, driven, "Pa"),
+        (NOMINAL, tyre.nominal_pressure_pa(), "Pa"),
+        (VERTICAL, driven.and(vertical), "-"),
     ];
-    for (name, value) in known {
-        let value = value.map(|value| (name.to_owned(), value, "Pa".to_owned()));
+    for (name, value, unit) in known {
+        let value = value.map(|value| (name.to_owned(), value, unit.to_owned()));
         found.beside.extend(value);
     }
 }
@@ -119,6 +135,10 @@ pub fn laws(own: &[Findings], other: &[Findings]) -> Identified {
                 &mut found.overrides,
                 nominal_pa,
             );
+            let unknown = |set: &Findings| beside(set, VERTICAL).is_none_or(|change| change == 0.0);
+            if unknown(a) || unknown(b) {
+                result.notes.push(NO_VERTICAL.to_owned());
+            }
         }
         found.results.push(result);
     }

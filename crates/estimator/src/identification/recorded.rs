@@ -186,18 +186,25 @@ impl Recorded {
         data
     }
 
-    /// Longitudinal slip and force of an axle's two wheels; 0 is the front axle.
+    /// Longitudinal slip and force of an axle's two wheels; 0 is the front axle. Rows below 3 m/s are unknown.
     #[must_use]
     pub fn rolling(&self, axle: usize) -> [slip::Data; 2] {
         [2 * axle, 2 * axle + 1].map(|wheel| {
             let [along, across] = &self.forces_n.0[wheel];
             slip::Data {
-                slip: self.longitudinal_slip.0[wheel].clone(),
+                slip: self.rolling_values(&self.longitudinal_slip.0[wheel]),
                 longitudinal_n: along.clone(),
                 lateral_n: across.clone(),
                 load_n: self.drive.loads_n.0[wheel].clone(),
             }
         })
+    }
+
+    /// A column, with rows below 3 m/s unknown.
+    fn rolling_values(&self, column: &[f64]) -> Vec<f64> {
+        let rows = column.iter().zip(&self.drive.speed_m_s);
+        rows.map(|(value, speed)| while_rolling(*value, *speed))
+            .collect()
     }
 
     /// Aligning moment and force of an axle's two wheels; 0 is the front axle. Rows below 3 m/s are unknown.
