@@ -340,13 +340,15 @@ impl VirtualDrive {
 /// ground of no wheel.
 fn ground(state: &TruthState, road_class: Option<RoadClass>) -> Option<Ground> {
     let wheels = PerWheel::from_fn(|wheel| {
-        let found = state.wheels[wheel].ground;
-        found.map_or_else(WheelGround::default, |found| WheelGround {
+        let truth = &state.wheels[wheel];
+        let length_m = truth.strut_length_m;
+        (truth.ground).map_or_else(WheelGround::default, |found| WheelGround {
             normal_body: found.normal_body,
             spindle_body: found.spindle_body,
             centre_acceleration_m_s2: found.centre_acceleration_m_s2,
             unsprung_inertia_n: found.unsprung_inertia_n,
             ground_height_m: found.ground_height_m,
+            strut_length_m: length_m.is_finite().then_some(length_m),
         })
     });
     let is_known = state.wheels.0.iter().any(|wheel| wheel.ground.is_some());

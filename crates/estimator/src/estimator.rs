@@ -408,7 +408,13 @@ impl Estimator {
             rollover,
         };
         let lagged = self.past.pass(&estimate, frames.as_ref(), lagged.as_ref());
-        self.trace(&estimate, frames, planar.is_none(), out);
+        self.trace(
+            &estimate,
+            frames,
+            state.rate_dot_rad_s2,
+            planar.is_none(),
+            out,
+        );
         (estimate, lagged)
     }
 

@@ -191,6 +191,12 @@ impl MotionFilter {
         self.imu_consistent && self.all_acceptance(|acceptance| acceptance.confirmed)
     }
 
+    /// Speed by the state, m/s.
+    #[must_use]
+    pub fn speed_m_s(&self) -> f64 {
+        math::hypot(self.velocity_m_s.x, self.velocity_m_s.y)
+    }
+
     /// Whether GNSS confirms the state now.
     #[must_use]
     pub fn is_confirmed(&self) -> bool {

@@ -71,6 +71,31 @@ impl RelativeErrorStatistics {
         (self.count > 0 && peak > 0.0).then(|| 100.0 * self.rmse() / peak)
     }
 
+    /// Pairs that were compared.
+    #[must_use]
+    pub const fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The same without a part of the pairs. The peak of the truth stays that of all.
+    #[must_use]
+    pub fn without(&self, part: &Self) -> Self {
+        Self {
+            count: self.count - part.count,
+            squares: (self.squares - part.squares).max(0.0),
+            largest_truth: self.largest_truth,
+        }
+    }
+
+    /// The part with the peak of the truth of all pairs.
+    #[must_use]
+    pub fn part(&self, part: &Self) -> Self {
+        Self {
+            largest_truth: self.largest_truth,
+            ..part.clone()
+        }
+    }
+
     fn rmse(&self) -> f64 {
         (self.squares / self.count as f64).sqrt()
     }
@@ -205,6 +230,15 @@ impl SquareStatistics {
         }
     }
 
+    /// The same without a part of the errors.
+    #[must_use]
+    pub fn without(&self, part: &Self) -> Self {
+        Self {
+            sum: (self.sum - part.sum).max(0.0),
+            count: self.count - part.count,
+        }
+    }
+
     /// The mean so far; `None` without a single error.
     #[must_use]
     pub fn mean(&self) -> Option<f64> {
@@ -264,6 +298,23 @@ mod tests {
             all.push(normalised);
         }
         assert!((all.mean().unwrap() - 5.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_part_and_the_rest_have_the_peak_of_the_whole() {
+        let (estimate, truth) = ([1.0, 1.0, 7.0], [0.0, 2.0, 10.0]);
+        let [mut all, mut part] = [(); 2].map(|()| RelativeErrorStatistics::default());
+        all.push(&estimate, &truth);
+        part.push(&estimate[..2], &truth[..2]);
+        let percent = |of: RelativeErrorStatistics| of.normalised_percent(4.0).unwrap();
+        assert!((percent(all.part(&part)) - 10.0).abs() < 1e-12);
+        assert!((percent(all.without(&part)) - 30.0).abs() < 1e-12);
+        assert_eq!(all.without(&part).count(), 1);
+        let [mut all, mut part] = [SquareStatistics::default(); 2];
+        [1.0, 3.0].map(|z| all.push(z));
+        part.push(3.0);
+        assert_eq!(all.without(&part).mean(), Some(1.0));
+        assert_eq!(all.without(&all).mean(), None);
     }
 
     /// The parts of a long series give what the whole gives.

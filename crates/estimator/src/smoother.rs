@@ -23,6 +23,7 @@ mod adjoint;
 use std::collections::VecDeque;
 
 use model::vehicle::Vehicle;
+use nalgebra::Vector3;
 use sample::{Estimate, LogTime, Motion, PerWheel};
 
 use crate::fusion::layout::{BODY_RATE, SIZE};
@@ -57,6 +58,8 @@ pub struct Step {
     pub completed: Vec<(LogTime, PlanarTrace)>,
     /// Record of the force filter, if the vehicle has one.
     pub forces: Option<FusionTrace>,
+    /// Angular acceleration of the body that the step used, body axes, rad/s².
+    pub rate_dot_rad_s2: Vector3<f64>,
 }
 
 /// The smoother.

@@ -43,7 +43,7 @@ pub use units::UnitTuning;
 pub use vertical::{ExpectedTuning, LiftTuning, StaticsTuning};
 pub use watch::{
     BiasWatchTuning, HubWatchTuning, ImuConsistencyTuning, InertialWatchTuning,
-    ReceiverWatchTuning, SteeringWatchTuning, WatchTuning, WheelWatchTuning,
+    ReceiverWatchTuning, RepeatsTuning, SteeringWatchTuning, WatchTuning, WheelWatchTuning,
 };
 
 /// Defines a group of tuned numbers once for the structure, its defaults, its documentation and the

@@ -8,6 +8,7 @@
 //! | biases of both | GNSS velocity and attitude, whose innovations follow a jump's signature |
 //! | GNSS velocity and attitude | inertial unit, while the balances confirm it |
 //! | steering wheel | front slip angles that the measured lateral forces imply |
+//! | steering wheel, GNSS attitude | their own noise, which changes each reading |
 //! | wheel speeds | speed over ground of a wheel without drive or brake force |
 //! | axes of the hub accelerometers | gravity |
 
@@ -24,7 +25,7 @@ pub use hub::HubWatch;
 pub use inertial::InertialWatch;
 pub use receiver::ReceiverWatch;
 pub use steering::SteeringWatch;
-pub use stuck::Stuck;
+pub use stuck::{Repeats, Stuck};
 pub use wheels::{Rolling, WheelWatch};
 
 /// Change of a sensor between good and faulty.

@@ -26,6 +26,10 @@ def test_a_score_has_the_promised_keys(simulated_log: Path) -> None:
     for forces in (carrier, contact):
         assert set(forces) == set(get_type_hints(scoring.Forces))
         assert forces["windows"] is not None
+        for part in (forces["near_stops"], forces["elsewhere"], forces["near_standstills"]):
+            assert part is not None
+            assert set(part) == set(get_type_hints(scoring.PartForces))
+    assert set(found["stops"]) == set(get_type_hints(scoring.Stops))
     assert found["channels"] is not None
     assert set(found["channels"]) == set(get_type_hints(scoring.Channels))
     assert found["channels"]["excluded_healthy"] == []

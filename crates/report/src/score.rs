@@ -12,6 +12,7 @@ mod lifts;
 mod pass;
 mod road;
 mod signals;
+mod stops;
 mod surfaces;
 mod two_way;
 
@@ -28,11 +29,12 @@ use store::{Attachment, Reader, Record, Selection, Stage};
 
 pub use channels::Channels;
 pub use compare::{Comparison, Difference, compare};
-pub use forces::{ForceScore, LowPassedScore};
+pub use forces::{ForceScore, LowPassedScore, NearScore, PartScore};
 pub use innovations::{InnovationScore, innovations, innovations_json};
 pub use landings::LandingScore;
 pub use lifts::{Lift, Lifts, OffGround, WarningLeads};
 pub use road::{RoadScore, Roads, RoughnessScore};
+pub use stops::StopCounts;
 pub use surfaces::{SurfaceChange, SurfaceChanges};
 
 /// Sideslip and slip angles mean little below this speed, m/s.
@@ -114,6 +116,8 @@ pub struct Score {
     pub lifts: Lifts,
     /// Lifts of both wheels of a side.
     pub two_wheel_lifts: Lifts,
+    /// Stops, touchdowns and standstills of the truth.
+    pub stops: StopCounts,
     /// Changes of the surface, where the truth tells the friction.
     pub surface_changes: Option<SurfaceChanges>,
     /// The road, where the truth has the heights of the ground.
@@ -226,7 +230,7 @@ pub fn score_methods(
         let mut forces = forces::Forces::default();
         for part in pairs.chunks(PART_PAIRS) {
             for tile in part.chunks(TILE_PAIRS) {
-                forces.push(tile, frames.as_ref());
+                forces.push(tile, frames.as_ref(), None);
             }
             forces.end_part();
         }
@@ -519,6 +523,7 @@ impl Score {
             "false_two_wheel_lift_warnings": self.two_wheel_lifts.false_warnings,
             "two_wheel_lift_warning_leads": self.two_wheel_lifts.warning_leads().to_json(),
             "two_wheels_off_ground": self.two_wheel_lifts.off_ground.to_json(),
+            "stops": self.stops.to_json(),
             "surface_changes": changes,
             "missed_surface_changes": surfaces.map(SurfaceChanges::missed),
             "false_surface_changes": surfaces.map(|surfaces| surfaces.false_changes),

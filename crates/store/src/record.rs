@@ -274,6 +274,8 @@ pub struct WheelGround {
     pub unsprung_inertia_n: Option<[f64; 3]>,
     /// Height of the ground below the wheel centre, m.
     pub ground_height_m: Option<f64>,
+    /// Length of the strut between its mounts, m.
+    pub strut_length_m: Option<f64>,
 }
 
 impl Default for WheelGround {
@@ -284,6 +286,7 @@ impl Default for WheelGround {
             centre_acceleration_m_s2: None,
             unsprung_inertia_n: None,
             ground_height_m: None,
+            strut_length_m: None,
         }
     }
 }

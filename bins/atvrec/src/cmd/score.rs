@@ -128,6 +128,8 @@ fn print_score(found: &Score) {
     }
     println!();
     print_forces(&found.forces);
+    println!();
+    print_near(found);
     if let Some(low_passed) = &found.low_passed {
         println!("\nforces below {} Hz:", low_passed.hz);
         print_forces(&low_passed.forces);
@@ -235,6 +237,42 @@ fn print_forces(found: &[ForceScore]) {
             optional(windows.map(|all| 100.0 * (1.0 - all.above)), 0),
             optional(windows.map(|all| all.median), 2),
         );
+    }
+}
+
+/// Prints the errors near stops, touchdowns and standstills, and those elsewhere, by output and frame.
+fn print_near(found: &Score) {
+    let stops = &found.stops;
+    println!(
+        "{} touchdowns, {} strut stops, {} standstills; samples within 0.1 s of them and others:",
+        stops.touchdowns,
+        stops
+            .strut_stops
+            .map_or_else(|| "unknown".to_owned(), |count| count.to_string()),
+        stops.standstills,
+    );
+    println!(
+        "{:<17}{:<11}{:<15}{:>9}{:>8}{:>8}{:>8}{:>21}",
+        "samples", "output", "frame", "count", "Fx %", "Fy %", "Fz %", "nees x y z"
+    );
+    for row in &found.forces {
+        let Some(near) = &row.near else {
+            continue;
+        };
+        for (name, part) in [
+            ("near stops", &near.stops),
+            ("elsewhere", &near.elsewhere),
+            ("near standstills", &near.standstills),
+        ] {
+            let [x, y, z] = part.worst_percent.map(|percent| optional(percent, 2));
+            println!(
+                "{name:<17}{:<11}{:<15}{:>9}{x:>8}{y:>8}{z:>8}{:>21}",
+                row.output,
+                row.frame.name(),
+                part.count,
+                part.nees.map(|value| optional(value, 1)).join(" "),
+            );
+        }
     }
 }
 

@@ -10,8 +10,8 @@ use crate::kinematics;
 use crate::motion::MotionState;
 use crate::tuning::WatchTuning;
 use crate::watch::{
-    BiasWatch, HubWatch, InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch,
-    WheelWatch,
+    BiasWatch, HubWatch, InertialWatch, ReceiverWatch, Repeats, Rolling, SensorChange,
+    SteeringWatch, WheelWatch,
 };
 
 /// Monitors of the motion sensors.
@@ -20,9 +20,12 @@ pub(super) struct ConsistencyMonitors {
     pub(super) tuning: WatchTuning,
     pub(super) inertial: InertialWatch,
     pub(super) steering: SteeringWatch,
+    pub(super) steering_repeats: Repeats,
     pub(super) bias: BiasWatch,
     pub(super) velocity: [ReceiverWatch; 2],
     pub(super) attitude: ReceiverWatch,
+    /// Of yaw, pitch and roll.
+    pub(super) attitude_repeats: [Repeats; 3],
     pub(super) hub: HubWatch,
     wheels: WheelWatch,
     /// Part of the recent time in which the inertial unit contradicted the balances.
@@ -37,10 +40,12 @@ impl ConsistencyMonitors {
             tuning: *tuning,
             inertial: InertialWatch::new(tuning.inertial),
             steering: SteeringWatch::new(tuning.steering),
+            steering_repeats: Repeats::default(),
             bias: BiasWatch::default(),
             velocity: ["GNSS velocity", "GNSS velocity of the attitude receiver"]
                 .map(ReceiverWatch::new),
             attitude: ReceiverWatch::new("GNSS attitude"),
+            attitude_repeats: Default::default(),
             hub: HubWatch::default(),
             wheels: WheelWatch::default(),
             inconsistent: 1.0,

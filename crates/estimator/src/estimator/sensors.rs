@@ -128,10 +128,21 @@ impl Estimator {
         now: LogTime,
         out: &mut impl FnMut(Output),
     ) {
+        let moves = self.moves();
+        let monitors = &mut self.monitors;
+        let repeats = &monitors.tuning.repeats;
+        let frozen =
+            (monitors.steering_repeats).take(angle_rad, moves, repeats.steering_readings, repeats);
+        monitors.steering.set_frozen(frozen);
         let expected = self.feedback.steering_wheel;
         let angle = self.column.follow(angle_rad);
         let angle = (self.monitors.steering).judge(time, angle, expected, &mut report(now, out));
         self.readings.push_steering_wheel(time, angle);
+    }
+
+    /// Whether the vehicle drives, so that a sensor with noise does not repeat its reading.
+    fn moves(&self) -> bool {
+        self.motion.speed_m_s() > self.settings.tuning.motion.receivers.stuck_speed_m_s
     }
 
     /// Speed of a wheel in rad/s, with a wrong unit corrected.
@@ -210,6 +221,7 @@ impl Estimator {
             return;
         }
         let offset = self.calibration.attitude_offset_rad;
+        let moves = self.moves();
         let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
         let angles =
             std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
@@ -222,8 +234,18 @@ impl Estimator {
                 watch.units.take_heading(time, heading);
             }
         }
+        let monitors = &mut self.monitors;
+        let repeats = &monitors.tuning.repeats;
+        let mut frozen = false;
+        for (angle, of_angle) in angles.iter_mut().zip(&mut monitors.attitude_repeats) {
+            let reading = angle.unwrap_or(f64::NAN);
+            if of_angle.take(reading, moves, repeats.attitude_values, repeats) {
+                (*angle, frozen) = (None, true);
+            }
+        }
         let verdict = self.motion.push_attitude(time, angles, sigma_rad);
         let monitors = &mut self.monitors;
+        monitors.attitude.set_frozen(frozen);
         let trusted = self.motion.is_imu_consistent() && !monitors.bias.is_suspected();
         let tuning = &monitors.tuning.receiver;
         (monitors.attitude).judge(time, verdict, trusted, tuning, &mut report(now, out));

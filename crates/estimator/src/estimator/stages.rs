@@ -446,6 +446,7 @@ impl Estimator {
         &mut self,
         estimate: &Estimate,
         frames: Option<PerWheel<WheelFrame>>,
+        rate_dot_rad_s2: Vector3<f64>,
         navigated: bool,
         out: &mut impl FnMut(Output),
     ) {
@@ -463,6 +464,7 @@ impl Estimator {
                     .map(Planar::take_traces)
                     .unwrap_or_default(),
                 forces: self.fusion.as_mut().map(Fusion::take_trace),
+                rate_dot_rad_s2,
             })));
         }
     }

@@ -12,6 +12,24 @@ tuning! {
         group steering: SteeringWatchTuning;
         group wheels: WheelWatchTuning;
         group hub: HubWatchTuning;
+        group repeats: RepeatsTuning;
+    }
+}
+
+tuning! {
+    /// Repeats of a reading of a sensor whose own noise changes each reading (`watch/stuck.rs`).
+    RepeatsTuning {
+        /// Part of the differences of successive readings that are noise, above which the sensor is noisy. White
+        /// noise of several counts has two thirds.
+        noisy_part: f64 = 0.3, "1";
+        /// A difference that is noise has another sign than the one before, and both exceed this many counts.
+        resolutions: f64 = 2.0, "1";
+        /// Fading memory of that part per reading.
+        keep: f64 = 0.98, "1";
+        /// Identical readings (100 a second) from which a noisy steering wheel is frozen.
+        steering_readings: u32 = 100, "1";
+        /// Identical values (10 a second) from which a noisy angle of the GNSS attitude is frozen.
+        attitude_values: u32 = 15, "1";
     }
 }
 

@@ -2,7 +2,7 @@
 
 use sample::LogTime;
 
-use super::{CONTRADICTS, SensorChange};
+use super::{CONTRADICTS, FROZEN, SensorChange};
 use crate::motion::Verdict;
 
 use crate::tuning::ReceiverWatchTuning;
@@ -13,6 +13,8 @@ pub struct ReceiverWatch {
     name: &'static str,
     /// Since when all values have been rejected.
     since: Option<LogTime>,
+    /// Whether the noise of a value is gone.
+    frozen: bool,
     reported: bool,
 }
 
@@ -22,6 +24,7 @@ impl ReceiverWatch {
         Self {
             name,
             since: None,
+            frozen: false,
             reported: false,
         }
     }
@@ -29,6 +32,11 @@ impl ReceiverWatch {
     /// Whether the receiver was reported.
     pub fn is_faulty(&self) -> bool {
         self.reported
+    }
+
+    /// Takes whether a value is frozen, from its own noise. A frozen value counts as rejected.
+    pub fn set_frozen(&mut self, frozen: bool) {
+        self.frozen = frozen;
     }
 
     /// Takes the verdict of a value that was valid at `time`. A rejection is a fault of the
@@ -42,6 +50,12 @@ impl ReceiverWatch {
         tuning: &ReceiverWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
+        let verdict = if self.frozen {
+            Verdict::Rejected
+        } else {
+            verdict
+        };
+        let trusted = imu_trusted || self.frozen;
         let faulty = match verdict {
             Verdict::Unusable => self.reported,
             Verdict::Used => {
@@ -50,7 +64,7 @@ impl ReceiverWatch {
             }
             Verdict::Rejected => {
                 let since = *self.since.get_or_insert(time);
-                self.reported || imu_trusted && time.seconds_since(since) >= tuning.faulty_s
+                self.reported || trusted && time.seconds_since(since) >= tuning.faulty_s
             }
         };
         if faulty != self.reported {
@@ -58,7 +72,7 @@ impl ReceiverWatch {
             changes(SensorChange {
                 name: self.name,
                 faulty,
-                why: CONTRADICTS,
+                why: if self.frozen { FROZEN } else { CONTRADICTS },
             });
         }
     }

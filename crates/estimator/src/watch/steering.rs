@@ -2,7 +2,7 @@
 
 use sample::LogTime;
 
-use super::{CONTRADICTS, SensorChange};
+use super::{CONTRADICTS, FROZEN, SensorChange};
 use crate::gaussian::{Gaussian, within};
 use crate::grid::GRID_S;
 use crate::tuning::SteeringWatchTuning;
@@ -31,6 +31,8 @@ pub struct SteeringWatch {
     /// The angle that last replaced the reading: the expected angle of an inconsistent sensor while
     /// nothing else is known.
     held: Option<Gaussian>,
+    /// Whether its noise is gone.
+    frozen: bool,
     reported: bool,
 }
 
@@ -60,6 +62,12 @@ impl SteeringWatch {
         self.inconsistent_since.is_some()
     }
 
+    /// Takes whether the sensor is frozen, from its own noise. A frozen sensor is inconsistent, whatever forces and
+    /// motion imply.
+    pub fn set_frozen(&mut self, frozen: bool) {
+        self.frozen = frozen;
+    }
+
     /// The angle to use, rad, from the reading at `time` and the angle that forces and motion imply.
     pub fn judge(
         &mut self,
@@ -84,11 +92,12 @@ impl SteeringWatch {
         let held = self.held.filter(|_| {
             self.contradicted_by_forces || !longer(time, self.inconsistent_since, t.held_max_s)
         });
-        let by_forces = expected.is_some();
+        let by_forces = expected.is_some() || self.frozen;
         let expected = expected
             .or(held)
             .or(before_jump.map(|before| Gaussian::new(before, held_variance)));
         let agrees = self.agrees(time, angle_rad, before_jump, expected);
+        let agrees = if self.frozen { Some(false) } else { agrees };
         self.count(time, agrees, by_forces);
         self.report(time, changes);
         let used = match expected {
@@ -159,7 +168,7 @@ impl SteeringWatch {
             changes(SensorChange {
                 name: "steering wheel",
                 faulty,
-                why: CONTRADICTS,
+                why: if self.frozen { FROZEN } else { CONTRADICTS },
             });
         }
     }
@@ -201,6 +210,27 @@ mod tests {
         let (reported, used) = reported(angle, |_| 0.5);
         assert_eq!(reported, [(130, true), (250, false)]);
         assert!(used.iter().all(|angle| (angle - 0.5).abs() < 0.01));
+    }
+
+    #[test]
+    fn a_frozen_angle_is_reported_although_it_agrees() {
+        let mut watch = SteeringWatch::default();
+        let mut reported = Vec::new();
+        for k in 0..400_u64 {
+            watch.set_frozen((200..300).contains(&k));
+            let expected = Some(Gaussian::new(0.5, 0.01));
+            let angle = 0.5
+                + if (100..300).contains(&k) {
+                    0.0
+                } else {
+                    1e-3 * (k % 3) as f64
+                };
+            watch.judge(LogTime(10_000_000 * k), angle, expected, &mut |change| {
+                reported.push((k, change.faulty, change.why));
+            });
+        }
+        assert_eq!(reported[0], (230, true, FROZEN));
+        assert_eq!((reported.len(), reported[1].1), (2, false));
     }
 
     #[test]

@@ -95,6 +95,8 @@ struct Outcome {
     /// Names of the channels that were excluded, with the time from the start of the run, s.
     excluded: Vec<(f64, String)>,
     faults: Vec<Fault>,
+    /// Seed of the drive.
+    seed: u64,
 }
 
 impl Outcome {
@@ -231,7 +233,7 @@ fn drive(
             eprintln!("    {fault:.2?}");
         }
     }
-    outcome.faults = faults;
+    (outcome.faults, outcome.seed) = (faults, seed);
     outcome
 }
 

@@ -33,6 +33,7 @@ mod smoother;
 mod subsets;
 mod terrain;
 mod truth;
+mod turning;
 mod units;
 mod workshop;
 

@@ -57,6 +57,18 @@ class Consistency(TypedDict):
     bounds: list[float]
 
 
+class PartForces(TypedDict):
+    """Tyre forces of a part of the samples in one frame."""
+
+    count: int
+    """Samples of all wheels."""
+    worst_percent: list[float | None]
+    """100 RMSE / max(peak of the truth in all samples, static load) of F_x, F_y, F_z: the largest of all
+    wheels."""
+    nees: list[float | None]
+    """Mean of ((estimate - truth)/sigma)^2 of F_x, F_y, F_z over all wheels."""
+
+
 class Forces(TypedDict):
     """Tyre forces of an output of the estimator in one frame."""
 
@@ -76,6 +88,13 @@ class Forces(TypedDict):
     """Median of the same."""
     windows: Consistency | None
     """Windows of all twelve forces together."""
+    near_stops: PartForces | None
+    """Samples within 0.1 s of a strut on its stop or of a touchdown; None for simple methods and after a
+    low-pass."""
+    elsewhere: PartForces | None
+    """All other samples."""
+    near_standstills: PartForces | None
+    """Samples within 0.1 s of the instant at which the vehicle comes to a standstill."""
 
 
 class Channels(TypedDict):
@@ -149,6 +168,15 @@ class OffGround(TypedDict):
     count: int
     per_km: float | None
     share_of_time: float
+
+
+class Stops(TypedDict):
+    """Instants of the truth near which the forces change within a step."""
+
+    touchdowns: int
+    strut_stops: int | None
+    """None if the truth has no strut lengths or the vehicle file no stops."""
+    standstills: int
 
 
 class LowPassed(TypedDict):
@@ -261,6 +289,7 @@ class Score(TypedDict):
     false_two_wheel_lift_warnings: int
     two_wheel_lift_warning_leads: WarningLeads
     two_wheels_off_ground: OffGround
+    stops: Stops
     surface_changes: list[SurfaceChange] | None
     missed_surface_changes: int | None
     """Detectable changes that were not declared."""

@@ -5,6 +5,7 @@ use estimator::score::{Distribution, RelativeErrorStatistics, SquareStatistics};
 use sample::{Estimate, ForceFrame, PerWheel, Wheel};
 use serde_json::{Value, json};
 
+use super::stops::{Masks, NEAR};
 use super::two_way::TwoWay;
 use super::{PART_PAIRS, Pair, TILE_PAIRS};
 
@@ -32,6 +33,31 @@ pub struct ForceScore {
     pub nees_median: [Option<f64>; 3],
     /// Windows of all twelve forces together.
     pub windows: Option<Consistency>,
+    /// Samples near stops and touchdowns, and the others; `None` for simple methods and after a low-pass.
+    pub near: Option<NearScore>,
+}
+
+/// Tyre forces near what makes them change within a step, and elsewhere. Each wheel's samples are near the stops
+/// and touchdowns of this wheel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearScore {
+    /// Near a strut on its stop, or a touchdown.
+    pub stops: PartScore,
+    /// All others.
+    pub elsewhere: PartScore,
+    /// Near the instant at which the vehicle comes to a standstill, by the same samples.
+    pub standstills: PartScore,
+}
+
+/// Tyre forces of a part of the samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartScore {
+    /// Samples of all wheels.
+    pub count: usize,
+    /// 100 RMSE / max(peak of the truth in all samples, static wheel load) of F_x, F_y, F_z, largest of all wheels.
+    pub worst_percent: [Option<f64>; 3],
+    /// Mean of ((estimate - truth)/sigma)^2 of F_x, F_y, F_z over all wheels.
+    pub nees: [Option<f64>; 3],
 }
 
 /// Tyre forces after a Butterworth low-pass of fourth order, forward and backward, which estimate and
@@ -79,13 +105,14 @@ pub(super) fn known_frames<'a>(estimates: impl Iterator<Item = &'a Estimate>) ->
 pub(super) struct Forces(Option<[InFrame; 2]>);
 
 impl Forces {
-    /// Takes the next instants, at most [`TILE_PAIRS`]; `frames` as [`known_frames`] gives them.
-    pub fn push(&mut self, tile: &[Pair], frames: Option<&Frames>) {
+    /// Takes the next instants, at most [`TILE_PAIRS`]; `frames` as [`known_frames`] gives them. `masks`: the
+    /// samples near stops, if they are scored apart.
+    pub fn push(&mut self, tile: &[Pair], frames: Option<&Frames>, masks: Option<&Masks>) {
         if self.0.is_none() {
             self.0 = frames.map(|frames| frames.map(InFrame::new));
         }
         for frame in self.0.iter_mut().flatten() {
-            frame.push(tile);
+            frame.push(tile, masks);
         }
     }
 
@@ -116,6 +143,15 @@ struct InFrame {
     windows: ConsistencyStatistics,
     /// Normalised errors of the part: of F_x of the four wheels, of F_y and of F_z.
     normalised: [Vec<f64>; 12],
+    /// Samples that are near something.
+    near: Option<[Near; NEAR]>,
+}
+
+/// Errors of samples that are near something.
+#[derive(Default)]
+struct Near {
+    errors: [[RelativeErrorStatistics; 4]; 3],
+    squares: [SquareStatistics; 3],
 }
 
 impl InFrame {
@@ -129,11 +165,15 @@ impl InFrame {
             distributions: [(); 3].map(|()| Distribution::exact_up_to(4 * PART_PAIRS)),
             windows: ConsistencyStatistics::new(12, WINDOW_STEPS),
             normalised: Default::default(),
+            near: None,
         }
     }
 
     /// Takes the next instants.
-    fn push(&mut self, tile: &[Pair]) {
+    fn push(&mut self, tile: &[Pair], masks: Option<&Masks>) {
+        if masks.is_some() {
+            self.near.get_or_insert_default();
+        }
         let [mut estimates, mut truths] = [[0.0; TILE_PAIRS]; 2];
         let count = tile.len();
         for axis in 0..3 {
@@ -146,6 +186,15 @@ impl InFrame {
                     normalised.push((estimates[place] - truths[place]) / own.sigma_n[axis]);
                 }
                 self.errors[axis][wheel.index()].push(&estimates[..count], &truths[..count]);
+                let normalised = &normalised[normalised.len() - count..];
+                let near = self.near.iter_mut().flatten();
+                for (near, masks) in near.zip(masks.into_iter().flatten()) {
+                    for place in places(masks[wheel.index()]) {
+                        let errors = &mut near.errors[axis][wheel.index()];
+                        errors.push(&[estimates[place]], &[truths[place]]);
+                        near.squares[axis].push(normalised[place]);
+                    }
+                }
             }
         }
         for (moments, axis) in self.moments.iter_mut().zip(MOMENT_AXES) {
@@ -177,14 +226,7 @@ impl InFrame {
     }
 
     fn finish(self, output: &'static str, loads: &PerWheel<f64>) -> Option<ForceScore> {
-        let worst = |wheels: &[RelativeErrorStatistics; 4], floor: &dyn Fn(Wheel) -> f64| {
-            let percent = |wheel: Wheel| wheels[wheel.index()].normalised_percent(floor(wheel));
-            Wheel::ALL.into_iter().map(percent).fold(None, larger)
-        };
-        let worst_percent = self
-            .errors
-            .each_ref()
-            .map(|axis| worst(axis, &|wheel| loads[wheel]));
+        let worst_percent = worst_percent(&self.errors, loads);
         if worst_percent.iter().all(Option::is_none) {
             return None;
         }
@@ -196,10 +238,95 @@ impl InFrame {
             worst_moment_percent: self
                 .moments
                 .each_ref()
-                .map(|axis| worst(axis, &|_| MOMENT_FLOOR_N_M)),
+                .map(|axis| worst(axis, &PerWheel([MOMENT_FLOOR_N_M; 4]))),
+            near: (self.near.as_ref())
+                .map(|near| NearScore::of(&self.errors, &self.squares, near, loads)),
             nees: self.squares.map(|axis| axis.mean()),
             nees_median: self.distributions.map(|axis| axis.median()),
             windows: self.windows.finish(),
+        })
+    }
+}
+
+/// The places of the bits that are set.
+fn places(mut mask: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = (mask != 0).then(|| mask.trailing_zeros() as usize);
+        mask &= mask.wrapping_sub(1);
+        place
+    })
+}
+
+/// The largest normalised error of all wheels.
+fn worst(wheels: &[RelativeErrorStatistics; 4], floors: &PerWheel<f64>) -> Option<f64> {
+    let percent = |wheel: Wheel| wheels[wheel.index()].normalised_percent(floors[wheel]);
+    Wheel::ALL.into_iter().map(percent).fold(None, larger)
+}
+
+fn worst_percent(
+    errors: &[[RelativeErrorStatistics; 4]; 3],
+    loads: &PerWheel<f64>,
+) -> [Option<f64>; 3] {
+    errors.each_ref().map(|axis| worst(axis, loads))
+}
+
+impl NearScore {
+    fn of(
+        all: &[[RelativeErrorStatistics; 4]; 3],
+        squares: &[SquareStatistics; 3],
+        near: &[Near; NEAR],
+        loads: &PerWheel<f64>,
+    ) -> Self {
+        let each = |part: &Near,
+                    of: fn(
+            &RelativeErrorStatistics,
+            &RelativeErrorStatistics,
+        ) -> RelativeErrorStatistics| {
+            std::array::from_fn(|axis| {
+                std::array::from_fn(|wheel| of(&all[axis][wheel], &part.errors[axis][wheel]))
+            })
+        };
+        let part = |part: &Near| {
+            PartScore::of(
+                &each(part, RelativeErrorStatistics::part),
+                &part.squares,
+                loads,
+            )
+        };
+        let [stops, standstills] = near;
+        let others: [SquareStatistics; 3] =
+            std::array::from_fn(|axis| squares[axis].without(&stops.squares[axis]));
+        Self {
+            stops: part(stops),
+            elsewhere: PartScore::of(
+                &each(stops, RelativeErrorStatistics::without),
+                &others,
+                loads,
+            ),
+            standstills: part(standstills),
+        }
+    }
+}
+
+impl PartScore {
+    fn of(
+        errors: &[[RelativeErrorStatistics; 4]; 3],
+        squares: &[SquareStatistics; 3],
+        loads: &PerWheel<f64>,
+    ) -> Self {
+        let loads_compared = errors[2].iter().map(RelativeErrorStatistics::count);
+        Self {
+            count: loads_compared.sum(),
+            worst_percent: worst_percent(errors, loads),
+            nees: squares.map(|axis| axis.mean()),
+        }
+    }
+
+    fn to_json(self) -> Value {
+        json!({
+            "count": self.count,
+            "worst_percent": self.worst_percent,
+            "nees": self.nees,
         })
     }
 }
@@ -291,6 +418,7 @@ impl LowPassedInFrame {
             nees: [None; 3],
             nees_median: [None; 3],
             windows: None,
+            near: None,
         })
     }
 }
@@ -315,6 +443,9 @@ impl ForceScore {
             "nees": self.nees,
             "nees_median": self.nees_median,
             "windows": self.windows.as_ref().map(super::consistency_json),
+            "near_stops": self.near.map(|near| near.stops.to_json()),
+            "elsewhere": self.near.map(|near| near.elsewhere.to_json()),
+            "near_standstills": self.near.map(|near| near.standstills.to_json()),
         })
     }
 }

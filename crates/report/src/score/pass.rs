@@ -13,6 +13,7 @@ use super::landings::Landings;
 use super::lifts::Courses;
 use super::road::Ground;
 use super::signals::Signals;
+use super::stops::{self, Stops};
 use super::surfaces::Surfaces;
 use super::{
     INTERVAL_S, LowPassedScore, PART_PAIRS, Pairs, SETTLING_S, Score, ScoreError, ScoreOptions,
@@ -44,6 +45,7 @@ pub(super) struct Pass<'a> {
     /// Number of instants of the stage that were compared.
     count: usize,
     courses: Courses,
+    stops: Stops,
     surfaces: Surfaces,
     ground: Ground<'a>,
     events: Vec<Event>,
@@ -99,6 +101,14 @@ impl Output {
             }
         }
     }
+
+    /// Number of pairs whose neighbourhood in the truth is known.
+    fn ready(&self, truth: &BTreeMap<LogTime, SharedEstimate>) -> usize {
+        let last = truth.keys().next_back().copied().unwrap_or_default();
+        let until = last.offset_seconds(-stops::AHEAD_S);
+        self.pairs
+            .partition_point(|(estimate, _)| estimate.time <= until)
+    }
 }
 
 impl<'a> Pass<'a> {
@@ -116,6 +126,7 @@ impl<'a> Pass<'a> {
             signals: Signals::default(),
             count: 0,
             courses: Courses::default(),
+            stops: Stops::new(vehicle),
             surfaces: Surfaces::default(),
             ground: Ground::new(vehicle),
             events: Vec::new(),
@@ -170,6 +181,7 @@ impl<'a> Pass<'a> {
         }
         let start = *self.start.get_or_insert(estimate.time);
         self.courses.push(&estimate, start, &self.loads);
+        self.stops.push(&estimate, start, &self.loads);
         self.surfaces.push(&estimate, start, &self.loads);
         self.ground
             .push_truth(&estimate, start.offset_seconds(self.from_s));
@@ -209,21 +221,23 @@ impl<'a> Pass<'a> {
                 Some(_) => TILE_PAIRS,
                 None => HEAD_PAIRS,
             };
-            let (part, count) = (self.outputs[output].part, self.outputs[output].pairs.len());
+            let part = self.outputs[output].part;
+            let count = self.outputs[output].ready(&self.truth);
             if count >= due || part + count >= PART_PAIRS {
-                self.compare(output);
+                self.compare(output, count);
             }
         }
     }
 
-    /// Compares the pairs of an output.
-    fn compare(&mut self, output: usize) {
+    /// Compares the first `count` pairs of an output.
+    fn compare(&mut self, output: usize, count: usize) {
         let of = &mut self.outputs[output];
-        let estimates = || of.pairs.iter().map(|(estimate, _)| &**estimate);
+        let estimates = || of.pairs[..count].iter().map(|(estimate, _)| &**estimate);
         of.frames = of.frames.or_else(|| known_frames(estimates()));
         let frames = of.frames.as_ref();
-        for tile in of.pairs.chunks(TILE_PAIRS) {
-            of.forces.push(tile, frames);
+        for tile in of.pairs[..count].chunks(TILE_PAIRS) {
+            let masks = self.stops.masks(tile);
+            of.forces.push(tile, frames, Some(&masks));
             of.landings.push(tile, &self.loads);
             if let Some(low_passed) = &mut of.low_passed {
                 low_passed.push(tile, frames);
@@ -233,8 +247,8 @@ impl<'a> Pass<'a> {
                 self.signals.push(tile, frames);
             }
         }
-        of.part += of.pairs.len();
-        for (estimate, truth) in of.pairs.drain(..) {
+        of.part += count;
+        for (estimate, truth) in of.pairs.drain(..count) {
             self.spare.push(estimate);
             self.spare.extend(Rc::into_inner(truth));
         }
@@ -261,7 +275,10 @@ impl<'a> Pass<'a> {
                 self.surfaces.push_friction(time, coefficient)
             }
             Record::Road { stage, road, .. } => self.ground.push_road(stage, *road),
-            Record::Ground { time, ground } => self.ground.push_ground(time, *ground),
+            Record::Ground { time, ground } => {
+                self.stops.push_ground(time, &ground);
+                self.ground.push_ground(time, *ground);
+            }
             _ => {}
         }
     }
@@ -271,7 +288,7 @@ impl<'a> Pass<'a> {
         for output in 0..self.outputs.len() {
             // What waits has no truth: the last truth was read.
             self.outputs[output].pair(&self.truth, start.offset_seconds(self.from_s));
-            self.compare(output);
+            self.compare(output, self.outputs[output].pairs.len());
             self.end_part(output);
         }
         if self.count == 0 {
@@ -305,6 +322,7 @@ impl<'a> Pass<'a> {
             innovations: innovations::judged(&self.reports, self.from_s),
             lifts,
             two_wheel_lifts,
+            stops: self.stops.finish(),
             surface_changes: self.surfaces.finish(start, from_s, &self.events),
             road: self.ground.finish(start.offset_seconds(self.from_s)),
             channels: injected

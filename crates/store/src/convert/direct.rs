@@ -377,7 +377,7 @@ pub(super) fn ground(mut rest: &[u8]) -> Option<Ground> {
 fn wheel_ground(mut rest: &[u8]) -> Option<(Wheel, WheelGround)> {
     let (mut axle, mut side) = (0, &[][..]);
     let mut vectors: [Option<[f64; 3]>; 4] = [None; 4];
-    let mut ground_height_m = None;
+    let (mut ground_height_m, mut strut_length_m) = (None, None);
     while !rest.is_empty() {
         match next(&mut rest)? {
             (1, Value::Varint(number)) => axle = number as u32,
@@ -387,6 +387,7 @@ fn wheel_ground(mut rest: &[u8]) -> Option<(Wheel, WheelGround)> {
                 set_vector(vector, vectors[place].get_or_insert_default())?;
             }
             (7, Value::F64(value)) => ground_height_m = Some(value),
+            (8, Value::F64(value)) => strut_length_m = Some(value),
             _ => return None,
         }
     }
@@ -403,6 +404,7 @@ fn wheel_ground(mut rest: &[u8]) -> Option<(Wheel, WheelGround)> {
         centre_acceleration_m_s2,
         unsprung_inertia_n,
         ground_height_m,
+        strut_length_m,
     };
     Some((wheel_of(axle, side)?, ground))
 }

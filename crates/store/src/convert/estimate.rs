@@ -152,6 +152,7 @@ pub(super) fn ground_to_proto(ground: &Ground) -> pb::Ground {
                 centre_acceleration_m_s2: found.centre_acceleration_m_s2.map(vector),
                 unsprung_inertia_n: found.unsprung_inertia_n.map(vector),
                 ground_height_m: found.ground_height_m,
+                strut_length_m: found.strut_length_m,
             }
         }),
         road_class: ground.road_class.clone(),
@@ -168,6 +169,7 @@ pub(super) fn ground_from_proto(message: pb::Ground) -> Ground {
             centre_acceleration_m_s2: vector(w.centre_acceleration_m_s2),
             unsprung_inertia_n: vector(w.unsprung_inertia_n),
             ground_height_m: w.ground_height_m,
+            strut_length_m: w.strut_length_m,
         }),
         road_class: message.road_class,
     }

@@ -1418,6 +1418,9 @@ pub struct WheelGround {
     /// Height of the ground below the wheel centre.
     #[prost(double, optional, tag = "7")]
     pub ground_height_m: ::core::option::Option<f64>,
+    /// Length of the strut between its mounts.
+    #[prost(double, optional, tag = "8")]
+    pub strut_length_m: ::core::option::Option<f64>,
 }
 impl ::prost::Name for WheelGround {
     const NAME: &'static str = "WheelGround";

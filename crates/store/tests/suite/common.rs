@@ -189,6 +189,7 @@ pub fn records(time: LogTime) -> Vec<Record> {
                     centre_acceleration_m_s2: wheel.is_front().then_some([1.0, 2.0, 3.0]),
                     unsprung_inertia_n: wheel.is_left().then_some([4.0, 5.0, 6.0]),
                     ground_height_m: Some(0.25),
+                    strut_length_m: wheel.is_front().then_some(0.35),
                 }),
                 road_class: Some("C".to_owned()),
             }),

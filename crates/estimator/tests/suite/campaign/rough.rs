@@ -56,6 +56,31 @@ fn potentiometers_that_leap_are_survived() {
     judge_all(&outcomes);
 }
 
+/// Steering wheels and angles of the receiver that are frozen or dead while they are right: only their missing noise
+/// shows it.
+#[test]
+fn sensors_without_their_noise_are_found() {
+    let Some(outcomes) = campaign(&ROUGH, &[221, 243, 320, 631]) else {
+        return;
+    };
+    for outcome in &outcomes {
+        let is_silent = |fault: &&Fault| {
+            let of = matches!(fault.channel, Channel::SteeringWheel | Channel::Angle(_));
+            of && matches!(fault.kind, Kind::Frozen | Kind::Dead) && is_lasting(fault)
+        };
+        let silent = outcome.faults.iter().filter(is_silent);
+        assert!(silent.clone().count() > 0, "drive {}", outcome.seed);
+        for fault in silent {
+            assert!(
+                is_found(fault, outcome),
+                "drive {}: {fault:?}",
+                outcome.seed
+            );
+        }
+    }
+    judge_all(&outcomes);
+}
+
 #[test]
 #[ignore = "a campaign of minutes: `make campaigns`"]
 fn a_thousand_drives_with_random_faults_on_rough_ground_do_not_diverge() {
@@ -126,6 +151,14 @@ fn is_lasting(fault: &Fault) -> bool {
     certain && fault.span_s.end - fault.span_s.start >= FOUND_S
 }
 
+/// Whether an exclusion of its device came in time.
+fn is_found(fault: &Fault, outcome: &Outcome) -> bool {
+    let begin_s = fault.span_s.start;
+    let in_time = begin_s..begin_s + FOUND_S;
+    let mut excluded = outcome.excluded.iter();
+    excluded.any(|(at_s, name)| in_time.contains(at_s) && is_of(fault, *at_s, name))
+}
+
 fn judge_exclusions(outcomes: &[Outcome]) {
     let mut healthy = Vec::new();
     // Found and all, by channel and kind.
@@ -138,11 +171,13 @@ fn judge_exclusions(outcomes: &[Outcome]) {
             }
         }
         for fault in outcome.faults.iter().filter(|fault| is_lasting(fault)) {
-            let begin_s = fault.span_s.start;
-            let in_time = begin_s..begin_s + FOUND_S;
-            let mut excluded = outcome.excluded.iter();
-            let found =
-                excluded.any(|(at_s, name)| in_time.contains(at_s) && is_of(fault, *at_s, name));
+            let found = is_found(fault, outcome);
+            if !found {
+                eprintln!(
+                    "not found, drive {}: {fault:.1?} of {:.1?}",
+                    outcome.seed, outcome.faults
+                );
+            }
             let text = format!("{:?} {:?}", fault.channel, fault.kind);
             let key = text.split(['(', ' ']).next().unwrap_or_default().to_owned();
             let kind = format!("{:?}", fault.kind);

@@ -160,6 +160,7 @@ fn a_road_and_a_ground_are_those_of_the_generated_types() {
             normal: vector(0.5),
             unsprung_inertia_n: vector(f64::NAN),
             ground_height_m: Some(0.0),
+            strut_length_m: Some(0.35),
             ..pb::WheelGround::default()
         }],
         road_class: Some("C".to_owned()),
