@@ -121,7 +121,7 @@ impl VirtualDrive {
         if !vehicle.motion().has_link_forces() {
             tracing::warn!(
                 "the strain channels are absent: the vehicle file {vehicle_file} has no hard-points \
-                 (wishbone or macpherson, strut and unsprung of both axles), or a live axle, and the motion does not \
+                 (a linkage, strut and unsprung of both axles), or a live axle, and the motion does not \
                  have the forces of all links"
             );
         }

@@ -76,7 +76,7 @@ pub(crate) const OF_SENSORS: &[Rule] = &[
 ];
 
 impl Axle {
-    /// The hard-points of the double wishbone or of the MacPherson strut, m; none of another axle.
+    /// The hard-points of a corner, m; none of a live axle or of an axle without hard-points.
     pub fn hard_points_mut(&mut self) -> Vec<&mut [f64; 3]> {
         if let Some(w) = &mut self.wishbone {
             return vec![
@@ -92,6 +92,12 @@ impl Axle {
                 &mut w.tie_rod_inner_m,
                 &mut w.tie_rod_outer_m,
             ];
+        }
+        if let Some(links) = &mut self.five_link {
+            return links.points_mut();
+        }
+        if let Some(arm) = &mut self.trailing_arm {
+            return arm.points_mut();
         }
         let Some(m) = &mut self.macpherson else {
             return Vec::new();

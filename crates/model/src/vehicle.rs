@@ -7,6 +7,7 @@
 mod builtin;
 mod check;
 mod derived;
+mod linkages;
 mod payload;
 mod plain;
 mod plausible;
@@ -22,6 +23,7 @@ use crate::tolerances::VehicleTolerances;
 use crate::tyre::Tir;
 
 pub use check::Warning;
+pub use linkages::{FiveLink, StrutOn, TrailingArm};
 pub use payload::{Loaded, MassProperties, Payload};
 pub use pressure::{TyrePressure, pressure_change, pressures_of_axles};
 #[cfg(test)]
@@ -159,6 +161,12 @@ pub struct Axle {
     /// Hard-points of the left corner's MacPherson strut.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub macpherson: Option<Macpherson>,
+    /// Hard-points of the left corner on five links.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub five_link: Option<FiveLink>,
+    /// Hard-points of the left corner's trailing or semi-trailing arm: of the rear axle only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trailing_arm: Option<TrailingArm>,
     /// Hard-points of a solid axle on links, which is not steered: of the rear axle only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub live_axle: Option<LiveAxle>,
@@ -350,10 +358,28 @@ pub struct LiveAxle {
 }
 
 impl Axle {
+    /// Name of the table with the linkage of a corner, if the file has one.
+    #[must_use]
+    pub fn linkage_table(&self) -> Option<&'static str> {
+        self.linkage_tables().next()
+    }
+
+    /// Names of all tables with a linkage of a corner; a file that is right has one at most.
+    pub(crate) fn linkage_tables(&self) -> impl Iterator<Item = &'static str> {
+        [
+            ("wishbone", self.wishbone.is_some()),
+            ("macpherson", self.macpherson.is_some()),
+            ("five_link", self.five_link.is_some()),
+            ("trailing_arm", self.trailing_arm.is_some()),
+        ]
+        .into_iter()
+        .filter_map(|(name, is_given)| is_given.then_some(name))
+    }
+
     /// Whether the file tells the linkages of both corners, each by itself, by hard-points.
     #[must_use]
     pub fn has_hard_points(&self) -> bool {
-        self.wishbone.is_some() || self.macpherson.is_some()
+        self.linkage_table().is_some()
     }
 }
 

@@ -171,7 +171,7 @@ pub fn road_height_m<'py>(
     batch::shaped(py, position_m.shape(), heights)
 }
 
-/// The double wishbone of one corner, from its hard-points.
+/// The linkage of one corner, from its hard-points.
 #[pyclass(frozen, module = "atvrec")]
 pub struct Corner {
     linkage: Linkage,

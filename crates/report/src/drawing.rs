@@ -8,7 +8,7 @@ mod live_axle;
 use std::fmt::Write;
 
 use model::nalgebra::Vector3;
-use model::suspension::{Corner, CornerPose, HardPoints, JouncePoint, SuspensionError};
+use model::suspension::{Corner, CornerPose, JouncePoint, SuspensionError};
 use model::vehicle::Vehicle;
 use sample::Wheel;
 
@@ -31,8 +31,8 @@ const STYLE: &str = "text{font:14px sans-serif;fill:#111}.small{font-size:12px}.
 pub enum DrawingError {
     /// No axle has hard-points.
     #[error(
-        "the vehicle file has no hard-points; add [front.wishbone] or [front.macpherson], and [front.strut], the same \
-         of the rear axle, or [rear.live_axle]"
+        "the vehicle file has no hard-points; add [front.wishbone], [front.macpherson] or [front.five_link], and \
+         [front.strut], the same of the rear axle, or [rear.trailing_arm] or [rear.live_axle]"
     )]
     NoPoints,
     /// A linkage does not reach its travel.
@@ -131,8 +131,7 @@ impl Drawn {
         let Some(strut) = &of_axle.strut else {
             return Ok(None);
         };
-        let is_strut = of_axle.wishbone.is_none();
-        let table = if is_strut { "macpherson" } else { "wishbone" };
+        let table = of_axle.linkage_table().unwrap_or_default();
         let travel = |place| {
             move |source| DrawingError::Travel {
                 axle,
@@ -162,8 +161,8 @@ impl Drawn {
         let outer_m = p.wheel_centre.y - origin_m.y + 0.15;
         Ok(Some(Self {
             axle,
-            named: named(p, is_strut),
-            poses: poses.map(|pose| corner_pose(p, &pose, is_strut)),
+            named: named(corner, table, &poses[0]),
+            poses: poses.map(|pose| corner_pose(corner, table, &pose)),
             curves: [
                 curve("camber, deg", |at| at.camber_rad.to_degrees()),
                 curve("toe-in, deg", |at| at.toe_in_rad.to_degrees()),
@@ -270,9 +269,35 @@ fn origin_m(vehicle: &Vehicle, wheel: Wheel) -> Vector3<f64> {
 }
 
 /// Points of the file in the design position.
-fn named(p: &HardPoints, is_strut: bool) -> Vec<(&'static str, Vector3<f64>)> {
-    if is_strut {
-        return vec![
+fn named(corner: &Corner, table: &str, design: &CornerPose) -> Vec<(&'static str, Vector3<f64>)> {
+    let p = &corner.points;
+    if let Some(ends) = corner.link_ends_m(design) {
+        let names = [
+            ["upper_front_inner_m", "upper_front_outer_m"],
+            ["upper_rear_inner_m", "upper_rear_outer_m"],
+            ["lower_front_inner_m", "lower_front_outer_m"],
+            ["lower_rear_inner_m", "lower_rear_outer_m"],
+            ["tie_rod_inner_m", "tie_rod_outer_m"],
+        ];
+        let ends = names.as_flattened().iter().zip(ends.as_flattened());
+        let others = [
+            ("wheel_centre_m", p.wheel_centre),
+            ("strut_chassis_m", p.strut_chassis),
+            ("strut_mount_m", p.strut_arm),
+        ];
+        return (ends.map(|(name, point)| (*name, *point)))
+            .chain(others)
+            .collect();
+    }
+    match table {
+        "trailing_arm" => vec![
+            ("wheel_centre_m", p.wheel_centre),
+            ("outer_bushing_m", p.lower_front),
+            ("inner_bushing_m", p.lower_rear),
+            ("strut_chassis_m", p.strut_chassis),
+            ("strut_arm_m", p.strut_arm),
+        ],
+        "macpherson" => vec![
             ("wheel_centre_m", p.wheel_centre),
             ("lower_front_m", p.lower_front),
             ("lower_rear_m", p.lower_rear),
@@ -281,37 +306,56 @@ fn named(p: &HardPoints, is_strut: bool) -> Vec<(&'static str, Vector3<f64>)> {
             ("strut_low_m", p.strut_arm),
             ("tie_rod_inner_m", p.tie_rod_inner),
             ("tie_rod_outer_m", p.tie_rod_outer),
-        ];
+        ],
+        _ => vec![
+            ("wheel_centre_m", p.wheel_centre),
+            ("upper_front_m", p.upper_front),
+            ("upper_rear_m", p.upper_rear),
+            ("upper_ball_m", p.upper_ball),
+            ("lower_front_m", p.lower_front),
+            ("lower_rear_m", p.lower_rear),
+            ("lower_ball_m", p.lower_ball),
+            ("strut_chassis_m", p.strut_chassis),
+            ("strut_arm_m", p.strut_arm),
+            ("tie_rod_inner_m", p.tie_rod_inner),
+            ("tie_rod_outer_m", p.tie_rod_outer),
+        ],
     }
-    vec![
-        ("wheel_centre_m", p.wheel_centre),
-        ("upper_front_m", p.upper_front),
-        ("upper_rear_m", p.upper_rear),
-        ("upper_ball_m", p.upper_ball),
-        ("lower_front_m", p.lower_front),
-        ("lower_rear_m", p.lower_rear),
-        ("lower_ball_m", p.lower_ball),
-        ("strut_chassis_m", p.strut_chassis),
-        ("strut_arm_m", p.strut_arm),
-        ("tie_rod_inner_m", p.tie_rod_inner),
-        ("tie_rod_outer_m", p.tie_rod_outer),
-    ]
 }
 
-fn corner_pose(p: &HardPoints, pose: &CornerPose, is_strut: bool) -> Pose {
-    let upper_m = if is_strut {
-        pose.strut_arm_m
-    } else {
-        pose.upper_ball_m
-    };
-    Pose {
-        lines: vec![
+fn corner_pose(corner: &Corner, table: &str, pose: &CornerPose) -> Pose {
+    let p = &corner.points;
+    let strut = vec![p.strut_chassis, pose.strut_arm_m];
+    let arm = |upper_m: Vector3<f64>| {
+        vec![
             vec![p.upper_front, pose.upper_ball_m, p.upper_rear],
             vec![p.lower_front, pose.lower_ball_m, p.lower_rear],
             vec![upper_m, pose.lower_ball_m, pose.tie_rod_outer_m],
-            vec![p.strut_chassis, pose.strut_arm_m],
+            strut.clone(),
             vec![pose.tie_rod_inner_m, pose.tie_rod_outer_m],
-        ],
+        ]
+    };
+    let lines = if let Some(ends) = corner.link_ends_m(pose) {
+        let upright = [0, 1, 4, 3, 2, 0].map(|k: usize| ends[k][1]);
+        let links = ends.map(|link| link.to_vec());
+        links.into_iter().chain([upright.to_vec(), strut]).collect()
+    } else {
+        match table {
+            "trailing_arm" => vec![
+                vec![
+                    p.lower_front,
+                    pose.wheel_centre_m,
+                    p.lower_rear,
+                    p.lower_front,
+                ],
+                strut,
+            ],
+            "macpherson" => arm(pose.strut_arm_m),
+            _ => arm(pose.upper_ball_m),
+        }
+    };
+    Pose {
+        lines,
         wheels: vec![[pose.wheel_centre_m, pose.spindle]],
     }
 }
@@ -403,6 +447,24 @@ mod tests {
         assert!(!drawing.contains("NaN"));
         assert_eq!(drawing.matches("<circle").count(), 2 * 2 * 8);
         assert!(drawing.contains("5 strut_top_m") && !drawing.contains("upper_ball_m"));
+    }
+
+    #[test]
+    fn links_and_trailing_arms_are_drawn_with_the_names_of_their_points() {
+        let text = include_str!("../../../testdata/vehicle-with-links.toml");
+        let vehicle = Vehicle::from_toml(text, "vehicle-with-links.toml").unwrap();
+        let drawing = linkages(&vehicle).unwrap();
+        assert!(!drawing.contains("NaN"));
+        assert_eq!(drawing.matches("<circle").count(), 2 * 2 * 13);
+        assert!(
+            drawing.contains("8 lower_rear_outer_m") && drawing.contains("0.010, 0.690, 0.220")
+        );
+        let text = include_str!("../../../testdata/vehicle-with-trailing-arms.toml");
+        let vehicle = Vehicle::from_toml(text, "vehicle-with-trailing-arms.toml").unwrap();
+        let drawing = linkages(&vehicle).unwrap();
+        assert!(!drawing.contains("NaN"));
+        assert_eq!(drawing.matches("<circle").count(), 2 * (8 + 5));
+        assert!(drawing.contains("3 inner_bushing_m") && drawing.contains("0.280, 0.220, 0.350"));
     }
 
     #[test]

@@ -299,6 +299,8 @@ impl Params {
             strut: Some(linkage.strut()),
             wishbone: Some(points.wishbone()),
             macpherson: None,
+            five_link: None,
+            trailing_arm: None,
             live_axle: None,
             tyre: Tyre {
                 tir: None,

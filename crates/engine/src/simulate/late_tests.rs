@@ -385,24 +385,19 @@ fn channels_with_a_higher_rate_reduce_the_errors() {
     }
 }
 
-/// MacPherson struts in the place of double wishbones: their bending and axial bridges give the forces.
-#[test]
-fn a_vehicle_with_struts_has_forces() {
-    let vehicle = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../testdata/vehicle-with-struts.toml"
-    );
-    for (manoeuvre, seconds, largest) in [
-        ("slow-sine", 20.0, [1.8, 1.6, 0.5]),
-        ("rough-road", 15.0, [4.5, 3.0, 3.0]),
-    ] {
+/// Forces of a vehicle of `testdata` with the channels of its members: largest errors on a level road and on a rough
+/// one.
+fn assert_forces(file: &str, largest: [[f64; 3]; 2]) {
+    let vehicle = format!("{}/../../testdata/{file}", env!("CARGO_MANIFEST_DIR"));
+    let drives = [("slow-sine", 20.0), ("rough-road", 15.0)];
+    for ((manoeuvre, seconds), largest) in drives.into_iter().zip(largest) {
         let drive = Drive {
-            vehicle: FileSource::Path(vehicle.into()),
+            vehicle: FileSource::Path(vehicle.clone().into()),
             duration_s: Some(seconds),
             ..of_prowler(manoeuvre, "thesis-10bit")
         };
         let outcome = run(&drive, Delay::None, Stamps::Kernel);
-        println!("{manoeuvre}: {:.2?}", outcome.errors);
+        println!("{file}, {manoeuvre}: {:.2?}", outcome.errors);
         assert_eq!(outcome.faults, Vec::<String>::new());
         for axis in 0..3 {
             assert!(
@@ -412,6 +407,33 @@ fn a_vehicle_with_struts_has_forces() {
             );
         }
     }
+}
+
+/// MacPherson struts in the place of double wishbones: their bending and axial bridges give the forces.
+#[test]
+fn a_vehicle_with_struts_has_forces() {
+    assert_forces(
+        "vehicle-with-struts.toml",
+        [[1.8, 1.6, 0.5], [4.5, 3.0, 3.0]],
+    );
+}
+
+/// Five links at both axles: the axial bridges of the links give the forces.
+#[test]
+fn a_vehicle_on_five_links_has_forces() {
+    assert_forces(
+        "vehicle-with-links.toml",
+        [[1.8, 1.6, 0.5], [4.5, 3.0, 3.0]],
+    );
+}
+
+/// Semi-trailing arms at the rear: the forces in their bushings are measured.
+#[test]
+fn a_vehicle_on_trailing_arms_has_forces() {
+    assert_forces(
+        "vehicle-with-trailing-arms.toml",
+        [[1.8, 1.6, 0.5], [4.5, 3.0, 3.0]],
+    );
 }
 
 /// Errors of the lagged forces with data that is late by at most 15 ms may be 1 % larger, and 2 % with the stamps of an

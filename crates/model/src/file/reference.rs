@@ -38,6 +38,7 @@ const VEHICLE: File = File {
         [Parameters that are not exact](estimator.md#parameters-that-are-not-exact) says what they do.",
     sources: &[
         include_str!("../vehicle.rs"),
+        include_str!("../vehicle/linkages.rs"),
         include_str!("../vehicle/payload.rs"),
         include_str!("../vehicle/pressure.rs"),
         include_str!("../tolerances.rs"),
@@ -53,6 +54,8 @@ const VEHICLE: File = File {
         ("front.strut", "Strut"),
         ("front.wishbone", "Wishbone"),
         ("front.macpherson", "Macpherson"),
+        ("front.five_link", "FiveLink"),
+        ("rear.trailing_arm", "TrailingArm"),
         ("rear.live_axle", "LiveAxle"),
         ("front.tyre", "Tyre"),
         ("front.tyre.pressure", "TyrePressure"),
@@ -139,6 +142,7 @@ fn comments(sources: &[&str], structure: &str) -> BTreeMap<String, Comment> {
                 "StrainChain" | "Potentiometers" | "Imu" | "GnssVelocity" | "GnssAttitude"
                 | "WheelSpeed" => "not fitted",
                 "u8" => "16",
+                "StrutOn" => "`\"upright\"`",
                 kind => panic!("{kind} has no default value here"),
             };
             let meaning = std::mem::take(&mut meaning);

@@ -14,9 +14,10 @@
 use nalgebra::Vector3;
 use sample::{STANDARD_GRAVITY_M_S2, StrainChannel, Wheel};
 
+use super::wishbone::Links;
 use super::{
-    ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, SuspensionError, Wrench,
-    inboard_excess_n,
+    ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, MemberForces, SuspensionError,
+    Wrench, inboard_excess_n,
 };
 use crate::vehicle::Vehicle;
 
@@ -61,7 +62,7 @@ impl MemberBeam {
 /// are straight ahead. A torque of F_x about the wheel's axis acts on the upright, as that of a brake.
 ///
 /// # Errors
-/// A corner without the hard-points of a double wishbone or a MacPherson strut, or without unsprung masses; a strut
+/// A corner without hard-points or on a trailing arm, or without unsprung masses; a strut
 /// beyond the linkage's reach; a force that is not finite.
 pub fn beams(
     vehicle: &Vehicle,
@@ -72,7 +73,7 @@ pub fn beams(
     for force_n in force_n {
         super::finite("force on the wheel", force_n, "N")?;
     }
-    let corner = Corner::of(vehicle, wheel)?;
+    let corner = with_members(vehicle, wheel)?;
     let axle = vehicle.axle(wheel);
     let length_m = corner.design_strut_length_m() - compression_m;
     let pose = corner.pose(length_m, 0.0)?;
@@ -88,6 +89,9 @@ pub fn beams(
         force_n: force_n.into(),
         ..Wrench::default()
     });
+    if let Some(links) = corner.links() {
+        return Ok(links_beams(&corner, links, &pose, &members));
+    }
     let p = &corner.points;
     let lower_m = |inner: Vector3<f64>| (pose.lower_ball_m - inner).norm();
     let mut lower = [
@@ -129,6 +133,54 @@ pub fn beams(
         lower[1],
         tie_rod,
     ])
+}
+
+/// A corner that is not on a trailing arm.
+fn with_members(vehicle: &Vehicle, wheel: Wheel) -> Result<Corner, SuspensionError> {
+    let corner = Corner::of(vehicle, wheel)?;
+    if corner.is_trailing() {
+        return Err(SuspensionError::Missing {
+            axle: "rear",
+            table: "wishbone, macpherson or five_link",
+        });
+    }
+    Ok(corner)
+}
+
+/// The links of a corner on five links. The mount of a strut on a link bends it as a beam on its two joints.
+fn links_beams(
+    corner: &Corner,
+    links: &Links,
+    pose: &CornerPose,
+    members: &MemberForces,
+) -> Vec<MemberBeam> {
+    let ends = corner.ends_m(links, pose);
+    let channels = [
+        StrainChannel::UpperFront,
+        StrainChannel::UpperRear,
+        StrainChannel::LowerFront,
+        StrainChannel::LowerRear,
+        StrainChannel::TieRod,
+    ];
+    let beam = |(k, channel): (usize, StrainChannel)| {
+        let [inner, outer] = ends[k];
+        let between = outer - inner;
+        let length_m = between.norm();
+        let beam = plain(channel, length_m, members.to_vector()[k]);
+        let Some((_, part)) = links.strut_link().filter(|(link, _)| *link == k) else {
+            return beam;
+        };
+        let along = between / length_m;
+        let push = pose.strut_direction * members.sixth_n;
+        let across = push - along * along.dot(&push);
+        MemberBeam {
+            mount_m: Some((1.0 - part) * length_m),
+            tension_n: [beam.tension_n[0], beam.tension_n[0] + along.dot(&push)],
+            moment_n_m: -across.z.signum() * across.norm() * part * (1.0 - part) * length_m,
+            ..beam
+        }
+    };
+    channels.into_iter().enumerate().map(beam).collect()
 }
 
 /// Adds to the tubes of a lower arm what the strut's mount makes, at a part of their length from the ball joint.

@@ -93,8 +93,8 @@ pub enum GaugeError {
     },
     /// A solid axle.
     #[error(
-        "the {axle} axle is a solid axle; stresses are computed for double wishbones and MacPherson struts, so choose \
-         a wheel of the other axle"
+        "the {axle} axle is a solid axle; stresses are computed for double wishbones, MacPherson struts and five links, \
+         so choose a wheel of the other axle"
     )]
     SolidAxle {
         /// `front` or `rear`.
@@ -134,6 +134,8 @@ pub fn gauges(
         .iter()
         .map(|beam| (beam, beam.channel, axial_m, axial_scale, false))
         .collect();
+    // No channel has the bending of a single link.
+    let bending_m = bending_m.filter(|_| vehicle.axle(load.wheel).five_link.is_none());
     if let (Some(scale), Some(bending_m)) = (chain.bending_scale()?, bending_m) {
         for beam in beams.iter().filter(|beam| beam.mount_m.is_some()) {
             let channel = match beam.channel {

@@ -46,6 +46,18 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
+    /// A part of the quantity.
+    #[must_use]
+    pub fn times(&self, part: f64) -> Self {
+        Self {
+            by_strut: self.by_strut * part,
+            by_rack: self.by_rack * part,
+            by_strut_strut: self.by_strut_strut * part,
+            by_strut_rack: self.by_strut_rack * part,
+            by_rack_rack: self.by_rack_rack * part,
+        }
+    }
+
     /// Rate of the quantity.
     #[must_use]
     pub fn rate(&self, rate: Coordinates) -> Vector3<f64> {
@@ -202,8 +214,8 @@ pub struct StrutMount {
 
 /// One corner's linkage, as the equations of motion and the statics ask for it.
 ///
-/// The coordinates are those of the module. A linkage with other parts (MacPherson strut, trailing
-/// arm, half of a live axle) tells its own members and parts; equations of motion and forces
+/// The coordinates are those of the module. A linkage with other parts (half of a
+/// live axle) tells its own members and parts; equations of motion and forces
 /// ([`strut_force_n`]) stay the same.
 pub trait Linkage {
     /// Where all points are at one place of the coordinates.

@@ -342,12 +342,12 @@ impl LinkedAxle {
 }
 
 /// Whether a value is below a limit, or not a number.
-fn is_below(value: f64, limit: f64) -> bool {
+pub(super) fn is_below(value: f64, limit: f64) -> bool {
     value.is_nan() || value <= limit
 }
 
 /// Rotation by a vector (Rodrigues' formula).
-fn rotated(turn: Vector3<f64>) -> Rotation3<f64> {
+pub(super) fn rotated(turn: Vector3<f64>) -> Rotation3<f64> {
     let angle = turn.norm();
     let k = turn.cross_matrix();
     let half = math::sin(0.5 * angle);

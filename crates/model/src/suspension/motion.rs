@@ -156,18 +156,22 @@ impl CornerMotion {
             axis.cross(&(point - hinge)) * (per_strut * strut_rate_m_s)
         };
         let p = &corner.points;
-        let upper = swing(
+        let mut upper = swing(
             p.upper_rear,
             corner.upper_axis,
             rates.upper_angle_per_strut,
             pose.upper_arm_cg_m,
         );
-        let lower = swing(
+        let mut lower = swing(
             p.lower_rear,
             corner.lower_axis,
             rates.lower_angle_per_strut,
             pose.lower_arm_cg_m,
         );
+        if corner.links().is_some() {
+            [upper, lower] = [pose.upper_ball_m, pose.lower_ball_m]
+                .map(|ball| rates.strut.at(pose, ball) * (0.5 * strut_rate_m_s));
+        }
         Self {
             wheel_specific_force_m_s2: moving(pose.wheel_centre_m, hub) + hub_dot,
             upright_specific_force_m_s2: moving(pose.upright_cg_m, upright) + upright_dot,
@@ -233,10 +237,13 @@ impl CornerMotion {
         let correction =
             normal * (gravity_along_normal_m_s2 - self.wheel_specific_force_m_s2.dot(&normal));
         let p = &corner.points;
+        let is_links = corner.links().is_some();
         let share = |hinge: Vector3<f64>, axis: Vector3<f64>, cg: Vector3<f64>, ball| {
             let distance = |point: Vector3<f64>| axis.cross(&(point - hinge)).norm();
             let of_ball = distance(ball);
-            if of_ball > 0.0 {
+            if is_links {
+                0.5
+            } else if of_ball > 0.0 {
                 distance(cg) / of_ball
             } else {
                 0.0

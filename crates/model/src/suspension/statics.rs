@@ -10,9 +10,13 @@
 //! force. The strut acts on the upright, and the force along the lower arm's normal is that of its weight and
 //! inertia alone.
 //!
+//! Five links and a strut are six forces ([`links`]). The bushings of a trailing arm hold it by five, which take the
+//! place of the links' forces.
+//!
 //! w = G c + g, with the wrench w = (F, M) that the ground exerts on the tyre, in the tyre's
 //! contact frame about the contact point, and the member forces c.
 
+mod links;
 mod others;
 mod split_arm;
 
@@ -22,6 +26,7 @@ use sample::STANDARD_GRAVITY_M_S2;
 use super::{Corner, CornerMotion, CornerPose, SuspensionError, TyreFrame};
 use crate::vehicle::{Axle, Unsprung};
 
+use links::{links_inertia, trailing_inertia};
 use others::straight_inertia;
 use split_arm::SplitArm;
 
@@ -62,18 +67,20 @@ pub enum ChannelKind {
 }
 
 /// Forces in the members of one corner, N. Axial forces are positive in tension; those of the
-/// lower legs hold outboard of the strut's mount.
+/// lower legs hold outboard of the strut's mount. Of five links, each field is the force of its link.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MemberForces {
     /// Upper arm, front leg. MacPherson strut: force of the body on its top across the strut, forwards.
+    /// Trailing arm: force of the body on its outer bushing, forwards.
     pub upper_front_n: f64,
     /// Upper arm, rear leg. MacPherson strut: force of the body on its top across the strut, to the left.
+    /// Trailing arm: force of the body on its outer bushing, upwards.
     pub upper_rear_n: f64,
-    /// Lower arm, front leg.
+    /// Lower arm, front leg. Trailing arm: force of the body on its inner bushing, forwards.
     pub lower_front_n: f64,
-    /// Lower arm, rear leg.
+    /// Lower arm, rear leg. Trailing arm: force of the body on its inner bushing, upwards.
     pub lower_rear_n: f64,
-    /// Tie rod or toe link.
+    /// Tie rod or toe link. Trailing arm: force of the body on both bushings along their line, outwards.
     pub tie_rod_n: f64,
     /// Strut or ball-normal force: see [`ChannelKind`].
     pub sixth_n: f64,
@@ -148,6 +155,12 @@ impl CornerStatics {
         }
         if let Some(across) = corner.across_strut(pose) {
             return Self::of_strut(corner, pose, frame, unsprung, motion, across);
+        }
+        if let Some(links) = corner.links() {
+            return Self::of_links(corner, links, pose, frame, unsprung, motion);
+        }
+        if corner.is_trailing() {
+            return Self::of_trailing_arm(corner, pose, frame, unsprung, motion);
         }
         let p = &corner.points;
         let contact = frame.contact_m;
@@ -263,8 +276,19 @@ impl CornerStatics {
         unsprung: &Unsprung,
         motion: &CornerMotion,
     ) -> Self {
-        if corner.straight_path(pose).is_some() {
-            let known = straight_inertia(pose, frame.contact_m, unsprung, motion);
+        let contact = frame.contact_m;
+        let without_arms = if corner.straight_path(pose).is_some() {
+            Some(straight_inertia(pose, contact, unsprung, motion))
+        } else if let Some(links) = corner.links() {
+            Some(links_inertia(
+                corner, links, pose, contact, unsprung, motion,
+            ))
+        } else if corner.is_trailing() {
+            Some(trailing_inertia(pose, contact, unsprung, motion))
+        } else {
+            None
+        };
+        if let Some(known) = without_arms {
             let wrench_offset = turned(&known, frame);
             return Self {
                 wrench_offset,
@@ -281,7 +305,7 @@ impl CornerStatics {
         };
         let (known, lower_weight) = known_wrench(
             pose,
-            frame.contact_m,
+            contact,
             upper.as_ref(),
             &lower,
             unsprung,

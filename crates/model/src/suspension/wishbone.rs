@@ -1,4 +1,4 @@
-//! Exact kinematics of a double wishbone or a MacPherson strut from its hard-points.
+//! Exact kinematics of a corner from its hard-points: double wishbone, MacPherson strut, five links, trailing arm.
 //!
 //! The lower arm turns about its hinge until the strut has the wanted length; the upper ball
 //! joint is where the circle of the upper arm meets the sphere about the lower ball joint; the
@@ -11,11 +11,16 @@
 //! place of the upper ball joint: it stands still in the body, and moves in the upright with the strut's
 //! length. With the length, the distance between top and lower ball joint is known, and the lower arm turns
 //! until it has this distance.
+//!
+//! A trailing arm carries the wheel itself: it turns about its bushings until the strut has the wanted length. Five
+//! links have no closed form ([`links`]).
 
 mod circle;
+mod links;
 mod path;
 mod points;
 mod straight;
+mod trailing;
 
 use nalgebra::{Matrix3, Vector3};
 use sample::Wheel;
@@ -24,7 +29,11 @@ use super::{PointPath, SuspensionError, finite};
 use crate::vehicle::{Axle, Vehicle};
 
 use circle::{Circle, Turn, branch};
+pub(super) use links::Links;
 pub use points::HardPoints;
+
+/// Largest step of a strut's length in the search for a jounce, m.
+const LONGEST_STRUT_STEP_M: f64 = 0.05;
 
 /// The linkage of one corner in vehicle axes, left or right.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,6 +67,10 @@ enum Guide {
     Arm(Circle),
     /// A strut that is part of the upright, by its direction from the top down in the design position.
     Strut(Vector3<f64>),
+    /// Five links that hold it with the strut.
+    Links(Box<Links>),
+    /// The lower arm itself, of which it is a part.
+    Trailing,
     /// No linkage is known: the wheel moves as this path tells, and turns about an upright axis. All outboard
     /// mass is at the wheel centre.
     Straight(WheelPath),
@@ -264,10 +277,16 @@ impl Corner {
     ) -> Result<Self, SuspensionError> {
         let name = if wheel.is_front() { "front" } else { "rear" };
         let origin_m = [finite("axle x", axle_x_m, "m")?, axle_y_m];
+        if let Some(file) = &axle.five_link {
+            return Self::on_links(axle, file, origin_m, wheel);
+        }
         let points = HardPoints::new(axle, origin_m, wheel).ok_or(SuspensionError::Missing {
             axle: name,
-            table: "wishbone or macpherson",
+            table: "wishbone, macpherson, five_link or trailing_arm",
         })?;
+        if axle.trailing_arm.is_some() {
+            return Self::on_trailing_arm(points, wheel);
+        }
         let has_upper_arm = axle.wishbone.is_some();
         points.check(has_upper_arm)?;
         let mut corner = Self::from_points(points, has_upper_arm, wheel);
@@ -323,10 +342,35 @@ impl Corner {
         Some([turned * forward, turned * forward.cross(&direction)])
     }
 
+    /// A corner whose wheel no arm with a ball joint guides.
+    fn guided(wheel: Wheel, points: HardPoints, guide: Guide, design_strut_length_m: f64) -> Self {
+        let hinge = points.lower_front - points.lower_rear;
+        let lower_axis = hinge.try_normalize(0.0).unwrap_or(Vector3::x());
+        Self {
+            wheel,
+            strut_circle: Circle::new(
+                points.lower_rear,
+                lower_axis,
+                points.strut_arm,
+                points.strut_chassis,
+            ),
+            lower_axis,
+            upper_axis: Vector3::x(),
+            rack_direction: 1.0,
+            hinge_front_share: None,
+            guide,
+            design: Upright::default(),
+            tie_rod_length_m: 0.0,
+            tie_rod_branch: 1.0,
+            design_strut_length_m,
+            points,
+        }
+    }
+
     /// Places of the joints in the upright with a strut length.
     fn upright(&self, strut_length_m: f64) -> Upright {
         match self.guide {
-            Guide::Arm(_) | Guide::Straight(_) => self.design,
+            Guide::Arm(_) | Guide::Links(_) | Guide::Trailing | Guide::Straight(_) => self.design,
             Guide::Strut(direction) => {
                 let p = &self.points;
                 let top = p.strut_arm - direction * strut_length_m;
@@ -352,10 +396,14 @@ impl Corner {
             let steer_rad = finite("steer angle", rack_m, "rad")?;
             return Ok(self.straight_pose(strut_length_m, steer_rad, path));
         }
+        if let Guide::Links(links) = &self.guide {
+            finite("rack travel", rack_m, "m")?;
+            return self.links_pose(links, strut_length_m, rack_m);
+        }
         let upright = self.upright(strut_length_m);
         let distance_m = match self.guide {
             Guide::Strut(_) => upright.length_m,
-            Guide::Arm(_) | Guide::Straight(_) => strut_length_m,
+            _ => strut_length_m,
         };
         let turn = self
             .strut_circle
@@ -379,6 +427,16 @@ impl Corner {
         rack_m: f64,
     ) -> Result<CornerPose, SuspensionError> {
         finite("lower arm angle", angle_rad, "rad")?;
+        if let Guide::Links(_) = self.guide {
+            return Err(SuspensionError::Missing {
+                axle: if self.wheel.is_front() {
+                    "front"
+                } else {
+                    "rear"
+                },
+                table: "wishbone",
+            });
+        }
         let turn = Turn::by(angle_rad);
         let length_m =
             self.strut_length_m(turn)
@@ -410,12 +468,15 @@ impl Corner {
         rack_m: f64,
     ) -> Result<CornerPose, SuspensionError> {
         finite("rack travel", rack_m, "m")?;
+        if let Guide::Trailing = self.guide {
+            return Ok(self.trailing_pose(lower, lower_angle_rad, rack_m));
+        }
         let p = &self.points;
         let turn_lower = |point| lower.carry(p.lower_rear, self.lower_axis, point);
         let lower_ball = turn_lower(p.lower_ball);
         let upper = match &self.guide {
             Guide::Arm(circle) => circle.turn_to(lower_ball, upright.length_m),
-            Guide::Strut(_) | Guide::Straight(_) => Some(Turn::by(0.0)),
+            _ => Some(Turn::by(0.0)),
         };
         let upper = upper.ok_or(out_of_reach("lower arm angle", lower_angle_rad, "rad"))?;
         let turn_upper = |point| upper.carry(p.upper_rear, self.upper_axis, point);
@@ -428,7 +489,7 @@ impl Corner {
         let follow = |point: Vector3<f64>| lower_ball + rotation * (point - p.lower_ball);
         let strut_arm = match self.guide {
             Guide::Strut(_) => follow(p.strut_arm),
-            Guide::Arm(_) | Guide::Straight(_) => turn_lower(p.strut_arm),
+            _ => turn_lower(p.strut_arm),
         };
         let strut = strut_arm - p.strut_chassis;
         let strut_length_m = strut.norm();
@@ -467,18 +528,31 @@ impl Corner {
             value: jounce_m,
             unit: "m",
         };
-        let mut angle = 0.0;
+        let by_length = matches!(self.guide, Guide::Links(_));
+        let mut at = if by_length {
+            self.design_strut_length_m
+        } else {
+            0.0
+        };
         for _ in 0..30 {
-            let pose = self
-                .pose_at_angle(angle, rack_m)
-                .map_err(|_| out_of_reach.clone())?;
+            let pose = if by_length {
+                self.pose(at, rack_m)
+            } else {
+                self.pose_at_angle(at, rack_m)
+            };
+            let pose = pose.map_err(|_| out_of_reach.clone())?;
             let rates = self.rates(&pose);
             let miss = target - pose.wheel_centre_m.z;
             if miss.abs() < 1e-12 {
                 return Ok(pose);
             }
-            let slope = rates.strut.wheel_centre.z / rates.lower_angle_per_strut;
-            angle += (miss / slope).clamp(-0.2, 0.2);
+            let (per, most) = if by_length {
+                (1.0, LONGEST_STRUT_STEP_M)
+            } else {
+                (rates.lower_angle_per_strut, 0.2)
+            };
+            let slope = rates.strut.wheel_centre.z / per;
+            at += (miss / slope).clamp(-most, most);
         }
         Err(out_of_reach)
     }
@@ -500,6 +574,11 @@ impl Corner {
                 lower_angle_per_strut: 0.0,
                 upper_angle_per_strut: 0.0,
             };
+        }
+        match &self.guide {
+            Guide::Links(links) => return self.links_rates(links, pose),
+            Guide::Trailing => return self.trailing_rates(pose),
+            _ => {}
         }
         let rack_velocity = Vector3::y() * self.rack_direction;
         let by_rack = upright_twist(pose, Vector3::zeros(), Vector3::zeros(), rack_velocity);

@@ -1,5 +1,7 @@
 //! Whether the values of a vehicle file make physical sense together.
 
+mod corners;
+
 use std::fmt;
 use std::path::Path;
 
@@ -207,8 +209,13 @@ fn contradictions(vehicle: &Vehicle) -> Vec<Contradiction> {
         }
     }
     topple(vehicle, &mut found);
-    axle("front", &vehicle.front, &mut found);
-    axle("rear", &vehicle.rear, &mut found);
+    for (name, of) in [("front", &vehicle.front), ("rear", &vehicle.rear)] {
+        let before = found.len();
+        axle(name, of, &mut found);
+        if found.len() == before {
+            corners::travel(vehicle, name, &mut found);
+        }
+    }
     for (name, map) in [
         ("steering.left_map_rad", &vehicle.steering.left_map_rad),
         ("steering.right_map_rad", &vehicle.steering.right_map_rad),
@@ -286,7 +293,7 @@ fn axle(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
                 format!("{name}.strut.motion_ratio"),
                 String::new(),
                 "is missing and there are no hard-points to take it from".into(),
-                format!("add it or the table [{name}.wishbone]"),
+                format!("add it or the table of a linkage, such as [{name}.wishbone]"),
             ));
         }
     }
@@ -304,6 +311,13 @@ fn axle(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
     if let Some(corner) = &axle.macpherson {
         macpherson(name, axle, corner, found);
     }
+    if let Some(corner) = &axle.five_link {
+        corners::five_link(name, axle, corner, found);
+    }
+    if let Some(corner) = &axle.trailing_arm {
+        corners::trailing_arm(name, axle, corner, found);
+    }
+    corners::one_linkage(name, axle, found);
     if let Some(live) = &axle.live_axle {
         live_axle(name, axle, live, found);
     }
@@ -342,14 +356,6 @@ fn macpherson(name: &str, axle: &Axle, corner: &Macpherson, found: &mut Vec<Cont
         ],
         found,
     );
-    if axle.wishbone.is_some() {
-        found.push((
-            table.clone(),
-            String::new(),
-            format!("and [{name}.wishbone] describe the same corner"),
-            "keep the table of the linkage that the axle has".into(),
-        ));
-    }
     if corner.strut_top_m[2] <= corner.strut_low_m[2] {
         found.push((
             format!("{table}.strut_top_m"),
@@ -379,11 +385,11 @@ fn live_axle(name: &str, axle: &Axle, live: &LiveAxle, found: &mut Vec<Contradic
             "leave the table out: the front axle is then one without a linkage".into(),
         ));
     }
-    if axle.has_hard_points() {
+    if let Some(other) = axle.linkage_table() {
         found.push((
             table.clone(),
             String::new(),
-            format!("and [{name}.wishbone] or [{name}.macpherson] describe the same axle"),
+            format!("and [{name}.{other}] describe the same axle"),
             "keep the table of the linkage that the axle has".into(),
         ));
     }
@@ -567,15 +573,109 @@ mod tests {
         assert!(message.contains("describe the same corner"), "{message}");
     }
 
+    /// A test file of `testdata` with one text replaced at the rear axle: fields, and the first problem.
+    fn at_rear(text: &str, from: &str, to: &str) -> (String, String) {
+        let (front, rear) = text.split_at(text.find("[rear]").unwrap());
+        assert!(rear.contains(from), "{from}");
+        let errors = errors_of(&format!("{front}{}", rear.replacen(from, to, 1))).unwrap_err();
+        (fields(&errors).join(" "), errors.problems[0].to_string())
+    }
+
+    #[test]
+    fn points_of_five_links_must_hold_the_wheel_and_reach_its_travel() {
+        let text = include_str!("../../../../testdata/vehicle-with-links.toml");
+        for (from, to, field, part) in [
+            (
+                "[0.07, 0.69, 0.235]",
+                "[0.07, -0.69, 0.235]",
+                "rear.five_link.lower_front_outer_m",
+                "right-hand side",
+            ),
+            (
+                "[-0.0005, 0.5535, 0.234]",
+                "[-0.0005, 0.5535, 0.254]",
+                "rear.five_link.strut_mount_m",
+                "off the line between the joints",
+            ),
+            (
+                "strut_chassis_m = [-0.015, 0.49, 0.66]",
+                "strut_chassis_m = [-0.015, 0.49, 0.16]",
+                "rear.five_link.strut_chassis_m",
+                "not above strut_mount_m",
+            ),
+            // The toe link in the place of the upper rear link.
+            (
+                "tie_rod_inner_m = [-0.19, 0.36, 0.33]\ntie_rod_outer_m = [-0.15, 0.7, 0.31]",
+                "tie_rod_inner_m = [-0.1, 0.4, 0.53]\ntie_rod_outer_m = [-0.05, 0.67, 0.57]",
+                "rear.five_link",
+                "parallel",
+            ),
+            (
+                "bump_stop_length_m = 0.",
+                "bump_stop_length_m = 0.1 # 0.",
+                "rear.strut.bump_stop_length_m",
+                "does not reach: strut length = ",
+            ),
+            (
+                "upright_cg_m = [-0.004, 0.655, 0.395]",
+                "lower_arm_cg_m = [-0.004, 0.655, 0.395]",
+                "rear.unsprung.lower_arm_cg_m",
+                "middle",
+            ),
+        ] {
+            let (found, message) = at_rear(text, from, to);
+            assert_eq!(found, field, "{message}");
+            assert!(message.contains(part), "{message}");
+        }
+        let struts = include_str!("../../../../testdata/vehicle-with-struts.toml");
+        let table =
+            &text[text.find("[rear.five_link]").unwrap()..text.find("[rear.tyre]").unwrap()];
+        let errors = errors_of(&format!("{struts}\n{table}")).unwrap_err();
+        assert!(fields(&errors).contains(&"rear.five_link"), "{errors}");
+        assert!(
+            errors.to_string().contains("[rear.macpherson] describe"),
+            "{errors}"
+        );
+    }
+
+    #[test]
+    fn points_of_a_trailing_arm_must_fit_the_axle() {
+        let text = include_str!("../../../../testdata/vehicle-with-trailing-arms.toml");
+        for (from, to, field, part) in [
+            (
+                "[0.4, 0.62, 0.38]",
+                "[0.4, 0.12, 0.38]",
+                "rear.trailing_arm.outer_bushing_m",
+                "swap both points",
+            ),
+            (
+                "upper_arm_mass_kg = 0.0",
+                "upper_arm_mass_kg = 1.0",
+                "rear.unsprung.upper_arm_mass_kg",
+                "no upper arm",
+            ),
+            (
+                "droop_stop_length_m = 0.",
+                "droop_stop_length_m = 1.9 # 0.",
+                "rear.strut.droop_stop_length_m",
+                "does not reach: strut length = ",
+            ),
+        ] {
+            let (found, message) = at_rear(text, from, to);
+            assert_eq!(found, field, "{message}");
+            assert!(message.contains(part), "{message}");
+        }
+        let arm =
+            &text[text.find("[rear.trailing_arm]").unwrap()..text.find("[rear.tyre]").unwrap()];
+        let steered = format!("{text}\n{}", arm.replace("[rear.", "[front."));
+        let errors = errors_of(&steered).unwrap_err();
+        assert!(fields(&errors).contains(&"front.trailing_arm"), "{errors}");
+    }
+
     #[test]
     fn points_of_a_live_axle_must_fit_the_axle() {
         let text = Vehicle::builtin_text("second-vehicle").unwrap();
-        let of_rear = |from: &str, to: &str| {
-            let (front, rear) = text.split_at(text.find("[rear]").unwrap());
-            assert!(rear.contains(from), "{from}");
-            let errors = errors_of(&format!("{front}{}", rear.replacen(from, to, 1))).unwrap_err();
-            (fields(&errors).join(" "), errors.problems[0].to_string())
-        };
+        let of_rear = |from: &str, to: &str| at_rear(text, from, to);
         let (field, message) = of_rear("[0.05, 0.5, 0.272]", "[0.05, -0.5, 0.272]");
         assert_eq!(field, "rear.live_axle.lower_link_axle_m");
         assert!(message.contains("right-hand side"), "{message}");

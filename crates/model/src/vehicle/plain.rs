@@ -190,6 +190,8 @@ fn axle(body: &Body, part: f64) -> Axle {
         strut: None,
         wishbone: None,
         macpherson: None,
+        five_link: None,
+        trailing_arm: None,
         live_axle: None,
         tyre: Tyre {
             tir: None,

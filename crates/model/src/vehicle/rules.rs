@@ -1,6 +1,9 @@
 //! What each field of a vehicle file may hold.
 
-use crate::file::rules::Kind::{Flag, Number, Pairs, Table, Tables, Text, Texts, TyreFile, Vector};
+use super::StrutOn;
+use crate::file::rules::Kind::{
+    Choice, Flag, Number, Pairs, Table, Tables, Text, Texts, TyreFile, Vector,
+};
 use crate::file::rules::Range::{Finite, NonNegative, Positive, Within};
 use crate::file::rules::{Kind, Rule, TableRules, may, must, must_unless};
 use crate::tolerances::OF_VEHICLE;
@@ -48,6 +51,14 @@ pub(crate) const SECTIONS: &[TableRules] = &[
     TableRules {
         tables: &["front.macpherson", "rear.macpherson"],
         rules: MACPHERSON,
+    },
+    TableRules {
+        tables: &["front.five_link", "rear.five_link"],
+        rules: FIVE_LINK,
+    },
+    TableRules {
+        tables: &["front.trailing_arm", "rear.trailing_arm"],
+        rules: TRAILING_ARM,
     },
     TableRules {
         tables: &["front.live_axle", "rear.live_axle"],
@@ -142,6 +153,8 @@ const AXLE: &[Rule] = &[
     may("strut", Table),
     may("wishbone", Table),
     may("macpherson", Table),
+    may("five_link", Table),
+    may("trailing_arm", Table),
     may("live_axle", Table),
     must("tyre", Table),
 ];
@@ -197,6 +210,31 @@ const MACPHERSON: &[Rule] = &[
     may("hinge_front_share", Number(Within(0.0, 1.0))),
     must("tie_rod_inner_m", POINT),
     must("tie_rod_outer_m", POINT),
+];
+
+const FIVE_LINK: &[Rule] = &[
+    must("wheel_centre_m", POINT),
+    must("upper_front_inner_m", POINT),
+    must("upper_front_outer_m", POINT),
+    must("upper_rear_inner_m", POINT),
+    must("upper_rear_outer_m", POINT),
+    must("lower_front_inner_m", POINT),
+    must("lower_front_outer_m", POINT),
+    must("lower_rear_inner_m", POINT),
+    must("lower_rear_outer_m", POINT),
+    must("tie_rod_inner_m", POINT),
+    must("tie_rod_outer_m", POINT),
+    must("strut_chassis_m", POINT),
+    must("strut_mount_m", POINT),
+    may("strut_on", Choice(StrutOn::NAMES)),
+];
+
+const TRAILING_ARM: &[Rule] = &[
+    must("wheel_centre_m", POINT),
+    must("outer_bushing_m", POINT),
+    must("inner_bushing_m", POINT),
+    must("strut_chassis_m", POINT),
+    must("strut_arm_m", POINT),
 ];
 
 const LIVE_AXLE: &[Rule] = &[

@@ -1,5 +1,6 @@
 //! The models of the vehicle from outside.
 
+mod linkages;
 mod no_alloc;
 mod roads;
 mod three_bodies;

@@ -44,6 +44,8 @@ fn axle() -> Axle {
         }),
         strut: None,
         macpherson: None,
+        five_link: None,
+        trailing_arm: None,
         live_axle: None,
         wishbone: Some(Wishbone {
             wheel_centre_m: [0.0, 0.6, 0.3],
@@ -381,7 +383,7 @@ fn out_of_reach_is_an_error_that_names_the_value() {
     assert!(
         error
             .to_string()
-            .starts_with("front.wishbone or macpherson is missing")
+            .starts_with("front.wishbone, macpherson, five_link or trailing_arm is missing")
     );
     let mut flat = axle();
     if let Some(wishbone) = &mut flat.wishbone {

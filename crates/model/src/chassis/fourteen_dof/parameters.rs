@@ -225,13 +225,14 @@ fn corner(
         let travel = rates.strut.at(&pose, contact);
         path = [travel.x / travel.z, travel.y / travel.z, 1.0];
         let [travel, turn] = [rates.strut, rates.rack];
-        inclination = [
-            travel.rotation.cross(&pose.spindle).z / travel.wheel_centre.z,
-            turn.rotation.cross(&pose.spindle).z / turn.rotation.z,
-        ];
-        // A wheel that leans by gamma has its contact point R gamma aside of its centre.
-        let moved = turn.wheel_centre / turn.rotation.z;
-        steer_arm = [moved.y + centre[2] * inclination[1], -moved.x];
+        inclination[0] = travel.rotation.cross(&pose.spindle).z / travel.wheel_centre.z;
+        // The wheel of a trailing arm does not steer.
+        if turn.rotation.z != 0.0 {
+            inclination[1] = turn.rotation.cross(&pose.spindle).z / turn.rotation.z;
+            // A wheel that leans by gamma has its contact point R gamma aside of its centre.
+            let moved = turn.wheel_centre / turn.rotation.z;
+            steer_arm = [moved.y + centre[2] * inclination[1], -moved.x];
+        }
     }
     let motion_ratio = ratio.ok_or_else(|| missing(parts[1]))?;
     Ok(CornerParameters {

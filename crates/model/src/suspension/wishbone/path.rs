@@ -1,4 +1,4 @@
-//! Second derivatives of the double wishbone and of the MacPherson strut, in closed form.
+//! Second derivatives of a corner's parts, in closed form.
 //!
 //! Each constraint is differentiated twice: the strut's length gives the lower arm's angle, the
 //! distance of the ball joints the upper arm's, the tie rod's length the turn about the king-pin.
@@ -56,6 +56,11 @@ impl Corner {
                 upper_arm: arm,
                 lower_arm: arm,
             };
+        }
+        match &self.guide {
+            Guide::Links(links) => return self.links_path(links, pose),
+            Guide::Trailing => return self.trailing_path(pose),
+            _ => {}
         }
         let rates = self.rates(pose);
         let by_strut = self.unit(pose, 1.0, &rates.strut, &rates, Vector3::zeros());
@@ -126,7 +131,7 @@ impl Corner {
                 pose.upper_ball_m,
                 upper_angle,
             ),
-            Guide::Strut(_) | Guide::Straight(_) => pose.strut_direction * strut,
+            _ => pose.strut_direction * strut,
         };
         Unit {
             strut,
@@ -147,7 +152,7 @@ impl Corner {
 
     /// Second derivative of the lower arm's angle by the strut's length: with the length l(theta),
     /// l l_tt = s_tt (s - c) + s_t^2 - l_t^2, theta_ll = -l_tt/l_t^3.
-    fn lower_bend(&self, pose: &CornerPose, rates: &CornerRates) -> f64 {
+    pub(super) fn lower_bend(&self, pose: &CornerPose, rates: &CornerRates) -> f64 {
         let arm = pose.strut_arm_m - self.points.lower_rear;
         let once = self.lower_axis.cross(&arm);
         let twice = self.lower_axis.cross(&once);
@@ -179,7 +184,7 @@ impl Corner {
                 let upper = upper_path * upper_angle + upper_turn;
                 (lower_angle, upper_angle, lower, upper)
             }
-            Guide::Strut(_) | Guide::Straight(_) => {
+            _ => {
                 let direction = pose.strut_direction;
                 let upper =
                     b.rotation.cross(&direction) * a.strut + a.rotation.cross(&direction) * b.strut;
@@ -212,7 +217,7 @@ impl Corner {
 }
 
 /// Path of an arm's point about its hinge.
-fn swing(
+pub(super) fn swing(
     hinge: Vector3<f64>,
     axis: Vector3<f64>,
     point_m: Vector3<f64>,
@@ -254,8 +259,11 @@ impl Linkage for Corner {
     }
 
     /// Upper front and rear leg, lower front and rear leg, tie rod; the lower legs outboard of the
-    /// strut's mount. Of a MacPherson strut, the first two have no length.
+    /// strut's mount. Of a MacPherson strut, the first two have no length; of a trailing arm, none is a member.
     fn members(&self, (pose, path): &Self::Pose) -> [TwoForceMember; 5] {
+        if let Guide::Links(links) = &self.guide {
+            return self.links_members(links, pose, &path.wheel);
+        }
         let p = &self.points;
         [
             (p.upper_front, pose.upper_ball_m),
@@ -275,7 +283,10 @@ impl Linkage for Corner {
             direction: pose.strut_direction,
             outboard: match self.guide {
                 Guide::Arm(_) => path.lower_arm.at(pose.strut_arm_m),
-                Guide::Strut(_) | Guide::Straight(_) => path.wheel.at(pose.strut_arm_m),
+                Guide::Links(ref links) => links.mount_path(&path.wheel, pose),
+                Guide::Strut(_) | Guide::Trailing | Guide::Straight(_) => {
+                    path.wheel.at(pose.strut_arm_m)
+                }
             },
         })
     }

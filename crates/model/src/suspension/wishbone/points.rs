@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 use sample::Wheel;
 
 use crate::suspension::SuspensionError;
-use crate::vehicle::{Axle, Macpherson, Wishbone};
+use crate::vehicle::{Axle, Macpherson, TrailingArm, Wishbone};
 
 /// Smallest span of hard-points that counts as one, m or m^2.
 const COINCIDENT: f64 = 1e-6;
@@ -12,7 +12,8 @@ const COINCIDENT: f64 = 1e-6;
 #[expect(
     missing_docs,
     reason = "the fields are those of vehicle::Wishbone and Unsprung; of a MacPherson strut, the upper \
-              joints are its top, and the strut's end at the arm is its lower end"
+              joints are its top, and the strut's end at the arm is its lower end; of five links, the ball joints are \
+              the middles between two outer ends; of a trailing arm, the lower hinges are its bushings"
 )]
 pub struct HardPoints {
     pub wheel_centre: Vector3<f64>,
@@ -37,6 +38,11 @@ impl HardPoints {
     pub(super) fn new(axle: &Axle, axle_m: [f64; 2], wheel: Wheel) -> Option<Self> {
         if let Some(wishbone) = &axle.wishbone {
             return Some(Self::placed(axle, wishbone, axle_m, wheel));
+        }
+        if let Some(arm) = &axle.trailing_arm {
+            let mut points = Self::placed(axle, &as_lower_arm(arm), axle_m, wheel);
+            points.upper_arm_cg = points.wheel_centre;
+            return Some(points);
         }
         let strut = axle.macpherson.as_ref()?;
         let mut points = Self::placed(axle, &with_top(strut), axle_m, wheel);
@@ -135,16 +141,60 @@ impl HardPoints {
             ),
         ];
         let of_upper_arm = [1, 3];
-        for (i, (size, what)) in spans.into_iter().enumerate() {
-            if !has_upper_arm && of_upper_arm.contains(&i) {
-                continue;
-            }
-            // `!(a > b)` also catches NaN.
-            if !(size > COINCIDENT && size.is_finite()) {
-                return Err(SuspensionError::Degenerate { what });
-            }
+        let spans = spans.into_iter().enumerate();
+        let spans = spans.filter(|(i, _)| has_upper_arm || !of_upper_arm.contains(i));
+        all_span(spans.map(|(_, span)| span))
+    }
+
+    pub(super) fn check_trailing_arm(&self) -> Result<(), SuspensionError> {
+        let hinge = self.lower_front - self.lower_rear;
+        let area = |point: Vector3<f64>| hinge.cross(&(point - self.lower_rear)).norm();
+        let strut = self.strut_arm - self.strut_chassis;
+        let lever = hinge
+            .cross(&(self.strut_arm - self.lower_rear))
+            .dot(&strut)
+            .abs();
+        all_span([
+            (hinge.norm(), "both bushings of the trailing arm coincide"),
+            (
+                area(self.wheel_centre),
+                "the wheel centre is on the line through both bushings of the trailing arm",
+            ),
+            (strut.norm(), "both ends of the strut coincide"),
+            (
+                lever,
+                "the strut has no lever about the line through both bushings of the trailing arm",
+            ),
+        ])
+    }
+}
+
+/// Fails with the text of the first size that is zero.
+fn all_span(sizes: impl IntoIterator<Item = (f64, &'static str)>) -> Result<(), SuspensionError> {
+    for (size, what) in sizes {
+        // `!(a > b)` also catches NaN.
+        if !(size > COINCIDENT && size.is_finite()) {
+            return Err(SuspensionError::Degenerate { what });
         }
-        Ok(())
+    }
+    Ok(())
+}
+
+/// A trailing arm as the lower arm of a double wishbone whose ball joints are at the wheel centre.
+fn as_lower_arm(arm: &TrailingArm) -> Wishbone {
+    let centre_m = arm.wheel_centre_m;
+    Wishbone {
+        wheel_centre_m: centre_m,
+        upper_front_m: centre_m,
+        upper_rear_m: centre_m,
+        upper_ball_m: centre_m,
+        lower_front_m: arm.outer_bushing_m,
+        lower_rear_m: arm.inner_bushing_m,
+        lower_ball_m: centre_m,
+        strut_chassis_m: arm.strut_chassis_m,
+        strut_arm_m: arm.strut_arm_m,
+        tie_rod_inner_m: centre_m,
+        tie_rod_outer_m: centre_m,
     }
 }
 

@@ -3,8 +3,7 @@
 use nalgebra::{Rotation3, Vector3};
 use sample::Wheel;
 
-use super::circle::Circle;
-use super::{Corner, CornerPose, Guide, HardPoints, Upright, WheelPath};
+use super::{Corner, CornerPose, Guide, HardPoints, WheelPath};
 use crate::suspension::StraightPath;
 use crate::vehicle::Vehicle;
 
@@ -27,20 +26,8 @@ impl Corner {
     pub fn along(vehicle: &Vehicle, wheel: Wheel, path: WheelPath) -> Option<Self> {
         let straight = StraightPath::of(vehicle, wheel)?;
         let (centre, length_m) = (straight.wheel_centre_m, straight.design_length_m);
-        Some(Self {
-            wheel,
-            points: HardPoints::all_at(centre, centre + Vector3::z() * length_m),
-            lower_axis: Vector3::x(),
-            upper_axis: Vector3::x(),
-            rack_direction: 1.0,
-            hinge_front_share: None,
-            strut_circle: Circle::new(centre, Vector3::x(), centre, centre),
-            guide: Guide::Straight(path),
-            design: Upright::default(),
-            tie_rod_length_m: 0.0,
-            tie_rod_branch: 1.0,
-            design_strut_length_m: length_m,
-        })
+        let points = HardPoints::all_at(centre, centre + Vector3::z() * length_m);
+        Some(Self::guided(wheel, points, Guide::Straight(path), length_m))
     }
 
     /// Whether the linkage is known.

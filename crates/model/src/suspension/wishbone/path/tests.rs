@@ -32,6 +32,18 @@ fn struts() -> [Corner; 2] {
     [Wheel::FrontLeft, Wheel::FrontRight].map(|wheel| Corner::of(&vehicle, wheel).unwrap())
 }
 
+/// Corners on five links, the rear ones with the strut on a link, and on semi-trailing arms.
+fn others() -> Vec<Corner> {
+    let texts = [
+        include_str!("../../../../../../testdata/vehicle-with-links.toml"),
+        include_str!("../../../../../../testdata/vehicle-with-trailing-arms.toml"),
+    ];
+    let [links, arms] = texts.map(|text| Vehicle::from_toml(text, "v.toml").unwrap());
+    let on_links = Wheel::ALL.map(|wheel| Corner::of(&links, wheel).unwrap());
+    let on_arms = [Wheel::RearLeft, Wheel::RearRight].map(|w| Corner::of(&arms, w).unwrap());
+    on_links.into_iter().chain(on_arms).collect()
+}
+
 /// Strut lengths from deep bump to past the droop stop, and rack travels within the front axle's
 /// reach.
 fn poses(corner: &Corner) -> impl Iterator<Item = CornerPose> {
@@ -55,7 +67,7 @@ fn poses(corner: &Corner) -> impl Iterator<Item = CornerPose> {
 fn second_derivatives_match_differences_of_the_first() {
     const STEP_M: f64 = 1e-6;
     let mut worst = 0.0_f64;
-    for corner in corners().iter().chain(&struts()) {
+    for corner in corners().iter().chain(&struts()).chain(&others()) {
         for pose in poses(corner) {
             let path = corner.path(&pose);
             let (l, z) = (pose.strut_length_m, pose.rack_m);
@@ -116,7 +128,9 @@ fn second_derivatives_match_differences_of_the_first() {
 /// moves along the strut as it lengthens.
 #[test]
 fn members_keep_their_length() {
-    for corner in &corners() {
+    let others = others();
+    let on_links = others.iter().filter(|corner| corner.links().is_some());
+    for corner in corners().iter().chain(on_links) {
         for pose in poses(corner) {
             let at = Coordinates {
                 strut: pose.strut_length_m,
