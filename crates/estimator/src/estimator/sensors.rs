@@ -133,7 +133,7 @@ impl Estimator {
         let repeats = &monitors.tuning.repeats;
         let frozen =
             (monitors.steering_repeats).take(angle_rad, moves, repeats.steering_readings, repeats);
-        monitors.steering.set_frozen(frozen);
+        monitors.steering.take_frozen(frozen);
         let expected = self.feedback.steering_wheel;
         let angle = self.column.follow(angle_rad);
         let angle = (self.monitors.steering).judge(time, angle, expected, &mut report(now, out));
@@ -245,7 +245,7 @@ impl Estimator {
         }
         let verdict = self.motion.push_attitude(time, angles, sigma_rad);
         let monitors = &mut self.monitors;
-        monitors.attitude.set_frozen(frozen);
+        monitors.attitude.take_frozen(frozen);
         let trusted = self.motion.is_imu_consistent() && !monitors.bias.is_suspected();
         let tuning = &monitors.tuning.receiver;
         (monitors.attitude).judge(time, verdict, trusted, tuning, &mut report(now, out));

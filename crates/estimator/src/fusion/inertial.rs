@@ -221,12 +221,9 @@ impl Fusion {
         ageing: &[Option<Ageing>; 3],
     ) -> bool {
         let t = self.tuning.balance;
-        let t_road = self.tuning.force_noise.road_sum;
         let mass = self.body.mass_kg;
-        let [_, accel] = input.imu_sigma;
         let sum = self.measured_sum_n(input, balance);
-        let rough = t_road * t_road * self.force_noise.mean_road();
-        let variance = mass * mass * accel * accel + t.sum_sigma_n.powi(2) + rough;
+        let variance = self.sum_variance(input);
         let is_posed = |corner: &CornerState| corner.strut_sigma_n.is_finite();
         let posed = input.corners.iter().all(is_posed);
         let unposed = !input.corners.iter().any(is_posed);
@@ -261,6 +258,16 @@ impl Fusion {
         agrees
     }
 
+    /// Variance of the measured sum of all forces, N^2: accelerometer, model and road.
+    fn sum_variance(&self, input: &StepInput<'_>) -> f64 {
+        let [_, accel] = input.imu_sigma;
+        let of_unit = self.body.mass_kg * accel;
+        let rough = self.tuning.force_noise.road_sum;
+        of_unit * of_unit
+            + self.tuning.balance.sum_sigma_n.powi(2)
+            + rough * rough * self.force_noise.mean_road()
+    }
+
     /// A force of all tyres along or across the vehicle that begins or ends within a step, as when brakes bring it
     /// to a stop, is beyond the gate of an accelerometer, which would be left out where it knows most. Its
     /// innovation widens the forces of all tyres first. Returns whether it did.
@@ -269,11 +276,8 @@ impl Fusion {
         if self.settling() || self.held {
             return false;
         }
-        let mass = self.body.mass_kg;
-        let [_, accel] = input.imu_sigma;
         let sum = self.measured_sum_n(input, balance);
-        let rough = self.tuning.force_noise.road_sum.powi(2) * self.force_noise.mean_road();
-        let variance = mass * mass * accel * accel + t.sum_sigma_n.powi(2) + rough;
+        let variance = self.sum_variance(input);
         let gate = self.tuning.gate_sigma;
         let mut widened = false;
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate().skip(1) {

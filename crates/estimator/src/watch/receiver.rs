@@ -35,7 +35,7 @@ impl ReceiverWatch {
     }
 
     /// Takes whether a value is frozen, from its own noise. A frozen value counts as rejected.
-    pub fn set_frozen(&mut self, frozen: bool) {
+    pub fn take_frozen(&mut self, frozen: bool) {
         self.frozen = frozen;
     }
 

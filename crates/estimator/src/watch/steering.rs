@@ -64,7 +64,7 @@ impl SteeringWatch {
 
     /// Takes whether the sensor is frozen, from its own noise. A frozen sensor is inconsistent, whatever forces and
     /// motion imply.
-    pub fn set_frozen(&mut self, frozen: bool) {
+    pub fn take_frozen(&mut self, frozen: bool) {
         self.frozen = frozen;
     }
 
@@ -217,7 +217,7 @@ mod tests {
         let mut watch = SteeringWatch::default();
         let mut reported = Vec::new();
         for k in 0..400_u64 {
-            watch.set_frozen((200..300).contains(&k));
+            watch.take_frozen((200..300).contains(&k));
             let expected = Some(Gaussian::new(0.5, 0.01));
             let angle = 0.5
                 + if (100..300).contains(&k) {
