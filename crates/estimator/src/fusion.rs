@@ -376,10 +376,10 @@ impl Fusion {
         self.relate(input, &model, readings);
         self.predict(input, &model);
         let before = self.adapting();
-        self.agreed = false;
+        let has_agreed = std::mem::replace(&mut self.agreed, false);
         let inertial = input.motion.inertial && !self.settling();
         if inertial {
-            self.take_inertial(input, &model);
+            self.take_inertial(input, &model, has_agreed);
         }
         self.blind = false;
         self.length_measured = [false; 4];

@@ -311,7 +311,8 @@ mod tests {
         assert!((percent(all.without(&part)) - 30.0).abs() < 1e-12);
         assert_eq!(all.without(&part).count(), 1);
         let [mut all, mut part] = [SquareStatistics::default(); 2];
-        [1.0, 3.0].map(|z| all.push(z));
+        all.push(1.0);
+        all.push(3.0);
         part.push(3.0);
         assert_eq!(all.without(&part).mean(), Some(1.0));
         assert_eq!(all.without(&all).mean(), None);

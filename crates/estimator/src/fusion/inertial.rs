@@ -131,13 +131,19 @@ impl Fusion {
     /// angular acceleration w' comes from the balance of moments: a differentiated gyro would be three
     /// times noisier than the accelerometers. If the upward axis contradicts the loads of wheels whose
     /// struts are measured, the vehicle is held by something else. Then the other accelerometers are
-    /// not used, and only the gyros measure the angular rate.
-    pub(super) fn take_inertial(&mut self, input: &StepInput<'_>, model: &StepModel) -> bool {
+    /// not used, and only the gyros measure the angular rate. `has_agreed`: whether the unit agreed with the
+    /// balances in the step before.
+    pub(super) fn take_inertial(
+        &mut self,
+        input: &StepInput<'_>,
+        model: &StepModel,
+        has_agreed: bool,
+    ) -> bool {
         let balance = &model.balance;
         let rows = self.inertial_rows(input, balance);
         let [force_ageing, turn_ageing] = self.inertial_ageing(input, model);
         let mut joint = self.covariance.project(&rows, &self.state);
-        if self.widen_for_push(input, balance, &joint) {
+        if has_agreed && self.widen_for_push(input, balance, &joint) {
             joint = self.covariance.project(&rows, &self.state);
         }
         let agrees = self.take_accelerometers(input, balance, &rows, &mut joint, &force_ageing);
@@ -270,7 +276,8 @@ impl Fusion {
 
     /// A force of all tyres along or across the vehicle that begins or ends within a step, as when brakes bring it
     /// to a stop, is beyond the gate of an accelerometer, which would be left out where it knows most. Its
-    /// innovation widens the forces of all tyres first. Returns whether it did.
+    /// innovation widens the forces of all tyres first. A larger innovation is a jump of the sensor. Returns whether
+    /// it did.
     fn widen_for_push(&mut self, input: &StepInput<'_>, balance: &Balance, joint: &Joint) -> bool {
         let t = self.tuning.balance;
         if self.settling() || self.held {
@@ -279,10 +286,13 @@ impl Fusion {
         let sum = self.measured_sum_n(input, balance);
         let variance = self.sum_variance(input);
         let gate = self.tuning.gate_sigma;
+        let most_n = t.push_max_m_s2 * self.body.mass_kg;
         let mut widened = false;
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate().skip(1) {
             let push_n = sum[axis] - joint.value(m);
-            if input.used.force[axis] && !within(gate, push_n, joint.variance(m) + variance) {
+            let is_push =
+                push_n.abs() < most_n && !within(gate, push_n, joint.variance(m) + variance);
+            if input.used.force[axis] && is_push {
                 widened = true;
                 for wheel in 0..4 {
                     for (state, part) in [axis, 2].into_iter().zip(t.push_parts) {

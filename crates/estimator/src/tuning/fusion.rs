@@ -255,6 +255,8 @@ tuning! {
         /// Standard deviations that an innovation of an accelerometer beyond the gate adds to the force of each tyre
         /// along its axis, and to its load, as parts of the innovation.
         push_parts: [f64; 2] = [0.1, 0.02], "1";
+        /// Innovation from which it is no force but a jump of the sensor.
+        push_max_m_s2: f64 = 1.5, "m/s²";
         /// Standard deviation of roll and pitch rate from struts: the ground also turns.
         over_ground_sigma_rad_s: f64 = 0.2, "rad/s";
         /// Part of the weight that the tyres must carry before a vehicle that was held counts as
