@@ -158,12 +158,12 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/motion",
             motion_columns(),
-            (10_520_812_078_947_433_614, 8_800),
+            (13_743_655_762_600_020_894, 8_800),
         ),
         (
             "/estimate/contact_forces",
             force_columns(),
-            (18_124_798_289_830_769_064, 9_600),
+            (8_601_622_893_584_541_049, 9_600),
         ),
     ] {
         let table = stdout(&run(&["export", "again.mcap", "-t", topic]));

@@ -15,9 +15,7 @@
 //! | alpha | slip angle of the velocity of the contact point, delayed by the relaxation length | rad |
 //! | alpha_0 | error of the slip angle of a wheel (toe, zero of the steer angle) | rad |
 //!
-//! G is the inverse of the brush tyre's parabola, n the load exponent and mu the friction of the vehicle file. G and G'
-//! are those of the force of the slip alone, so that the regression is repeated with the camber thrust of the one
-//! before: at F_y itself, C_g is 3 to 8 % too large.
+//! G is the inverse of the brush tyre's parabola, n the load exponent and mu the friction of the vehicle file.
 //! Roll makes an inclination that is proportional to the lateral force, so that a turn alone does not separate both
 //! stiffnesses. Steering with caster at low speed and a side slope do. On rough ground, the normal below each wheel is
 //! not known: an error of the inclination makes C_g too small, so that such drives are refused.
@@ -39,15 +37,6 @@ const TASK: Task = Task {
 const LONGITUDINAL_MAX: f64 = 0.2;
 /// Largest used part of the grip: near the limit, the shape of the curve counts more than its slope.
 const USED_MAX: f64 = 0.6;
-/// Repetitions of the regression: G and G' are those of the force of the slip alone, F_y + C_g gamma.
-const ROUNDS: usize = 3;
-/// Largest used part of the grip at which the curve is evaluated.
-const CURVE_MAX: f64 = 0.95;
-/// Relative standard deviation of the result above which the command names the drive that decides.
-const DECIDED_MAX: f64 = 0.3;
-const UNDECIDED: &str = "the drive does not decide this value: its standard deviation is more than 0.3 of it; drive \
-                         slow tight turns and fast wide ones to both sides, or along an even side slope in both \
-                         directions, for longer";
 /// Least root mean square of the inclination that neither force nor offsets explain, rad.
 const INCLINATION_MIN_RAD: f64 = 0.004;
 /// Largest standard deviation of the vertical acceleration, m/s^2: 0.1 on even ground, 0.9 on class D with bumps.
@@ -181,28 +170,15 @@ fn usable(wheels: [[&[f64]; 5]; 2], options: &Options) -> Result<Rows, Refusal> 
     })
 }
 
-/// The regression about the camber thrust of the one before, beginning with none.
 fn fitted(rows: &Rows, options: &Options) -> Result<Fit, Refusal> {
-    let mut fit = about(rows, options, 0.0)?;
-    for _ in 0..ROUNDS {
-        let camber_n_rad = fit.coefficients[1] / fit.coefficients[0];
-        fit = about(rows, options, camber_n_rad)?;
-    }
-    Ok(fit)
-}
-
-/// The regression about a camber stiffness C_0: G(F_y + C_g gamma) is G - C_0 G' gamma + C_g G' gamma at F_y + C_0 gamma.
-fn about(rows: &Rows, options: &Options, camber_n_rad: f64) -> Result<Fit, Refusal> {
     let reference = [options.reference_load_n, options.load_exponent];
     rows.fit(0, |&[_, inclination_rad, _, force_n, load_n]| {
-        let grip_n = options.friction * load_n;
-        let thrust_n = camber_n_rad * inclination_rad;
-        let of_slip_n = (force_n + thrust_n).clamp(-CURVE_MAX * grip_n, CURVE_MAX * grip_n);
-        let rest = 1.0 - of_slip_n.abs() / grip_n;
+        let rest = 1.0 - force_n.abs() / (options.friction * load_n);
         let at_load = math::powf(load_n / options.reference_load_n, options.load_exponent);
-        let slope = math::powf(rest, -2.0 / 3.0) / at_load;
-        let linear_n = linear_force_n([of_slip_n, load_n], options.friction, reference);
-        [thrust_n * slope - linear_n, -inclination_rad * slope]
+        [
+            -linear_force_n([force_n, load_n], options.friction, reference),
+            -inclination_rad * math::powf(rest, -2.0 / 3.0) / at_load,
+        ]
     })
 }
 
@@ -236,10 +212,7 @@ fn findings(fit: &Fit, rows: &Rows, options: &Options) -> Findings {
     });
     let constants = (["slip_angle_offset_left", "slip_angle_offset_right"], "rad");
     let covariance = fit.propagated(&jacobian);
-    let sigma = covariance[(0, 0)].max(0.0).sqrt();
-    let notes = (sigma > DECIDED_MAX * camber.abs()).then(|| UNDECIDED.to_owned());
     Findings {
-        notes: notes.into_iter().collect(),
         beside: vec![(
             "camber stiffness of the vehicle file".to_owned(),
             options.file_stiffness_n_rad,
