@@ -24,6 +24,16 @@ pub fn limits(config: &Config) -> Vec<String> {
     } else {
         None
     };
+    let rear = &estimator.vehicle.rear;
+    let tells_nothing = (rear.leaf_axle.as_ref()).is_some_and(|leaf| leaf.section_y_m.is_none());
+    if missing.is_none() && tells_nothing {
+        lines.push(
+            "the strain channels of the rear axle are not used, because leaf springs have no links and \
+             [rear.leaf_axle] has no section_y_m of bending gauges on the axle tubes: the forces of its wheels follow \
+             from deflection, inertial unit and the forces of the other axle"
+                .to_owned(),
+        );
+    }
     if let Some(missing) = missing.filter(|_| lines.is_empty()) {
         lines.push(format!(
             "tyre forces are not measured on the suspension, because {missing}; they follow from the inertial \
@@ -51,7 +61,7 @@ fn of_vehicle(vehicle: &Vehicle, described: [bool; 2]) -> Option<String> {
         .into_iter()
         .zip(described)
         .filter_map(|((name, axle), described)| {
-            let is_known = axle.has_hard_points() || axle.live_axle.is_some() || described;
+            let is_known = axle.has_hard_points() || axle.is_solid() || described;
             (!is_known).then_some(name)
         })
         .collect();

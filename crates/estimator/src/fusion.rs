@@ -286,10 +286,10 @@ impl Fusion {
             strain_lag: Default::default(),
             hub_lag: Default::default(),
             hubs: std::array::from_fn(|wheel| {
-                let is_live = vehicle.axle(Wheel::ALL[wheel]).live_axle.is_some();
+                let is_live = vehicle.axle(Wheel::ALL[wheel]).is_solid();
                 hubs.0[wheel].filter(|_| !is_live)
             }),
-            live: Wheel::ALL.map(|wheel| vehicle.axle(wheel).live_axle.is_some()),
+            live: Wheel::ALL.map(|wheel| vehicle.axle(wheel).is_solid()),
             outboard_parts: matrix::outboard_parts(vehicle, channels),
             matrix_sigma_n: [[0.0; 3]; 4],
             moved: [[0.0; 2]; 4],

@@ -82,7 +82,10 @@ pub struct FileErrors {
 
 impl FileErrors {
     fn of(path: &Path, collector: ErrorCollector<'_>) -> Self {
-        Self::sorted(path.to_owned(), collector.into_problems())
+        Self {
+            path: path.to_owned(),
+            problems: collector.into_problems(),
+        }
     }
 
     /// No error where there is no problem.
@@ -115,7 +118,8 @@ impl fmt::Display for FileErrors {
             if !problem.value.is_empty() {
                 write!(f, " = {}", problem.value)?;
             }
-            write!(f, ": {}; {}", problem.message, problem.help)?;
+            let colon = if problem.field.is_empty() { "" } else { ": " };
+            write!(f, "{colon}{}; {}", problem.message, problem.help)?;
         }
         Ok(())
     }
@@ -231,20 +235,13 @@ impl<'t> ErrorCollector<'t> {
         let whole = 0..0;
         match parse(self.text) {
             Ok(table) => return Some(table),
-            Err(Unparsed::TooLong(bytes)) => {
-                let message = format!("the file has {bytes} bytes, but the limit is {TOML_MAX}");
-                self.add(&whole, "", message, "check the name of the file");
-            }
             Err(Unparsed::Syntax(errors)) => {
                 for error in errors {
                     let span = error.span().unwrap_or(whole.clone());
                     self.add(&span, "", error.message(), "correct the TOML syntax");
                 }
             }
-            Err(Unparsed::Panic(panic)) => {
-                let message = format!("the TOML parser failed: {panic}");
-                self.add(&whole, "", message, "correct the TOML syntax");
-            }
+            Err(Unparsed::Whole(message, help)) => self.add(&whole, "", message, help),
         }
         None
     }
@@ -277,9 +274,9 @@ impl<'t> ErrorCollector<'t> {
     /// Problems in the order of the text.
     pub fn into_problems(mut self) -> Vec<Problem> {
         let own = self.file;
-        self.problems.sort_by(|a, b| {
-            let place = |p: &Problem| (p.file != own, p.file.clone(), p.line, p.column);
-            place(a).cmp(&place(b))
+        self.problems.sort_by_key(|p| {
+            let [file, field] = [&p.file, &p.field].map(String::clone);
+            (p.file != own, file, p.line, p.column, field)
         });
         if self.more > 0 {
             self.problems.push(Problem {
@@ -299,23 +296,45 @@ impl<'t> ErrorCollector<'t> {
 /// Why a text is no table.
 #[derive(Debug)]
 enum Unparsed {
-    /// It has so many bytes, more than [`TOML_MAX`].
-    TooLong(usize),
     /// Its syntax is wrong.
     Syntax(Vec<toml::de::Error>),
-    /// The parser ended with a panic, which said this.
-    Panic(String),
+    /// What is wrong with all of it, and what to do.
+    Whole(String, &'static str),
 }
+
+impl Unparsed {
+    /// The parser ended with a panic, which said this.
+    fn panic(panic: &str) -> Self {
+        Self::Whole(
+            format!("the TOML parser failed: {panic}"),
+            "correct the TOML syntax",
+        )
+    }
+}
+
+/// Formats that are taken for TOML by mistake, by their first character.
+const OTHER_FORMATS: [(char, &str); 2] = [('{', "JSON"), ('<', "XML or HTML")];
 
 /// The table of a TOML text.
 fn parse(text: &str) -> Result<Spanned<DeTable<'_>>, Unparsed> {
     if text.len() > TOML_MAX {
-        return Err(Unparsed::TooLong(text.len()));
+        let bytes = text.len();
+        let message = format!("the file has {bytes} bytes, but the limit is {TOML_MAX}");
+        return Err(Unparsed::Whole(message, "check the name of the file"));
+    }
+    // No TOML text begins with these characters, and each line would be an error.
+    let first = text.trim_start().chars().next();
+    if let Some((_, format)) = (OTHER_FORMATS.iter()).find(|(c, _)| Some(*c) == first) {
+        return Err(Unparsed::Whole(
+            format!("the file is {format}, not TOML"),
+            "give a TOML file (atvrec vehicle new and sensors new write examples; atvrec import vehicle converts \
+             the params.json of a simulator)",
+        ));
     }
     match guarded(|| DeTable::parse_recoverable(text)) {
         Ok((table, errors)) if errors.is_empty() => Ok(table),
         Ok((_, errors)) => Err(Unparsed::Syntax(errors)),
-        Err(panic) => Err(Unparsed::Panic(panic)),
+        Err(panic) => Err(Unparsed::panic(&panic)),
     }
 }
 

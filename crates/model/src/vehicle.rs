@@ -15,6 +15,7 @@ mod pressure;
 mod rules;
 mod tyre_file;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
@@ -23,7 +24,7 @@ use crate::tolerances::VehicleTolerances;
 use crate::tyre::Tir;
 
 pub use check::Warning;
-pub use linkages::{FiveLink, StrutOn, TrailingArm};
+pub use linkages::{FiveLink, LeafAxle, StrutOn, TrailingArm};
 pub use payload::{Loaded, MassProperties, Payload};
 pub use pressure::{TyrePressure, pressure_change, pressures_of_axles};
 #[cfg(test)]
@@ -170,6 +171,9 @@ pub struct Axle {
     /// Hard-points of a solid axle on links, which is not steered: of the rear axle only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub live_axle: Option<LiveAxle>,
+    /// A solid axle on leaf springs, which is not steered: of the rear axle only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub leaf_axle: Option<LeafAxle>,
     /// Tyre of one corner.
     pub tyre: Tyre,
 }
@@ -374,6 +378,22 @@ impl Axle {
         ]
         .into_iter()
         .filter_map(|(name, is_given)| is_given.then_some(name))
+    }
+
+    /// The solid axle on its links, or on links that guide it as its leaf springs do.
+    #[must_use]
+    pub fn solid_axle(&self) -> Option<Cow<'_, LiveAxle>> {
+        let on_leaves = || Some(Cow::Owned(self.leaf_axle.as_ref()?.on_links()));
+        self.live_axle
+            .as_ref()
+            .map(Cow::Borrowed)
+            .or_else(on_leaves)
+    }
+
+    /// Whether both wheels are on a solid axle.
+    #[must_use]
+    pub fn is_solid(&self) -> bool {
+        self.live_axle.is_some() || self.leaf_axle.is_some()
     }
 
     /// Whether the file tells the linkages of both corners, each by itself, by hard-points.

@@ -32,7 +32,7 @@ pub enum DrawingError {
     /// No axle has hard-points.
     #[error(
         "the vehicle file has no hard-points; add [front.wishbone], [front.macpherson] or [front.five_link], and \
-         [front.strut], the same of the rear axle, or [rear.trailing_arm] or [rear.live_axle]"
+         [front.strut], the same of the rear axle, or [rear.trailing_arm], [rear.live_axle] or [rear.leaf_axle]"
     )]
     NoPoints,
     /// A linkage does not reach its travel.
@@ -62,9 +62,7 @@ pub fn linkages(vehicle: &Vehicle) -> Result<String, DrawingError> {
     for (axle, wheel) in [("front", Wheel::FrontLeft), ("rear", Wheel::RearLeft)] {
         let drawn = match Corner::of(vehicle, wheel) {
             Ok(corner) => Drawn::of_corner(vehicle, &corner, axle)?,
-            Err(_) if vehicle.axle(wheel).live_axle.is_some() => {
-                live_axle::drawn(vehicle, axle, wheel)?
-            }
+            Err(_) if vehicle.axle(wheel).is_solid() => live_axle::drawn(vehicle, axle, wheel)?,
             Err(_) => None,
         };
         let Some(drawn) = drawn else {

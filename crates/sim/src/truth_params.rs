@@ -302,6 +302,7 @@ impl Params {
             five_link: None,
             trailing_arm: None,
             live_axle: None,
+            leaf_axle: None,
             tyre: Tyre {
                 tir: None,
                 unloaded_radius_m: tyre.unloaded_radius_m,

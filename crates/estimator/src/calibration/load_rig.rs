@@ -84,7 +84,7 @@ pub fn load_rig(
 ) -> Result<LoadRig, EstimatorError> {
     let by_matrix = |wheel: Wheel| {
         let axle = vehicle.axle(wheel);
-        !axle.has_hard_points() && axle.live_axle.is_none()
+        !axle.has_hard_points() && !axle.is_solid()
     };
     let mut known = known.clone();
     // A matrix that is found again can be one that nobody could use.

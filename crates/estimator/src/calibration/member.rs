@@ -208,7 +208,7 @@ fn channel(
         StrainChannel::LowerRear => Some(StrainChannel::LowerRearBending),
         _ => None,
     };
-    if vehicle.axle(bench.wheel).live_axle.is_some() {
+    if vehicle.axle(bench.wheel).is_solid() {
         return Err(missing(
             "bending bridge on a link of a solid axle",
             "the bending bridges of a solid axle are on its tube; remove the column bending_counts",

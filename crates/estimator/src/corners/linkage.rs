@@ -73,10 +73,10 @@ impl Linkage {
             moved: None,
             on_path: false,
             hub: None,
-            known: match (&axle.live_axle, corner.is_known()) {
-                (Some(_), _) => KnownLinkage::LiveAxle,
-                (None, true) => KnownLinkage::Corner,
-                (None, false) => KnownLinkage::None,
+            known: match (axle.is_solid(), corner.is_known()) {
+                (true, _) => KnownLinkage::LiveAxle,
+                (false, true) => KnownLinkage::Corner,
+                (false, false) => KnownLinkage::None,
             },
             matrix,
             corner,

@@ -21,6 +21,7 @@ pub(super) struct AxleLinkage {
     unsprung: Unsprung,
     final_drive_ratio: Option<f64>,
     link_stiffness_n_m: f64,
+    has_links: bool,
     pub(super) pose: LiveAxlePose,
 }
 
@@ -50,6 +51,8 @@ pub struct LiveAxleState {
     pub paths: [[Vector3<f64>; 2]; 2],
     /// Torque of both half-shafts over that of the propeller shaft, if there is one.
     pub final_drive_ratio: Option<f64>,
+    /// Whether its links are real: those of an axle on leaf springs stand for the leaves.
+    pub has_links: bool,
     /// Whether the tubes have bending gauges.
     pub has_section: bool,
 }
@@ -72,7 +75,7 @@ impl AxleLinkage {
     pub(super) fn new(vehicle: &Vehicle) -> Result<Option<Self>, SuspensionError> {
         let rear = &vehicle.rear;
         let (Some(live), Some(strut), Some(unsprung)) =
-            (&rear.live_axle, &rear.strut, &rear.unsprung)
+            (rear.solid_axle(), &rear.strut, &rear.unsprung)
         else {
             return Ok(None);
         };
@@ -84,6 +87,7 @@ impl AxleLinkage {
             unsprung: unsprung.clone(),
             final_drive_ratio: live.final_drive_ratio,
             link_stiffness_n_m: live.link_stiffness_n_m.unwrap_or(0.0),
+            has_links: rear.leaf_axle.is_none(),
         }))
     }
 
@@ -168,6 +172,7 @@ impl AxleLinkage {
             dampers: [0, 1].map(|side| self.damper(side, rates_m_s)),
             paths: self.paths(),
             final_drive_ratio: self.final_drive_ratio,
+            has_links: self.has_links,
             has_section: axle.section.is_some(),
         })
     }

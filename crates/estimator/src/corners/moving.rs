@@ -68,7 +68,7 @@ pub(super) fn is_described(
     channels: &PerWheel<CornerChannels>,
 ) -> Result<bool, EstimatorError> {
     let has_matrix = |wheel: Wheel| channels[wheel].matrix.is_some();
-    let is_live = |wheel: Wheel| vehicle.axle(wheel).live_axle.is_some();
+    let is_live = |wheel: Wheel| vehicle.axle(wheel).is_solid();
     let mut wheels = Wheel::ALL.into_iter();
     if let Some(wheel) = wheels.find(|wheel| has_matrix(*wheel) && is_live(*wheel)) {
         let wheel = wheel_key(wheel);

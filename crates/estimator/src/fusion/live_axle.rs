@@ -88,6 +88,7 @@ pub(super) struct AxleForms {
     touching: [f64; 2],
     step_s: f64,
     steps_back_max: f64,
+    has_links: bool,
     has_section: bool,
 }
 
@@ -398,6 +399,7 @@ impl Fusion {
             touching: WHEELS.map(|wheel| corners[wheel].touching),
             step_s: input.dt,
             steps_back_max: self.tuning.members.steps_back_max,
+            has_links: axle.has_links,
             has_section: axle.has_section,
         })
     }
@@ -420,7 +422,11 @@ impl Fusion {
             Some(k) => right.get(k).copied().unwrap_or(SELF_STRESS),
         }));
         let measured = [0, 1].map(|side| self.measure_axle(input, axle, side, readings, &mut rows));
-        let strained = measured.iter().map(|m| m.alive).sum::<usize>() >= STRAINED;
+        let strained = if axle.has_links {
+            measured.iter().map(|m| m.alive).sum::<usize>() >= STRAINED
+        } else {
+            measured.iter().all(|m| m.is_split)
+        };
         let mut joint = self.covariance.project(&rows, &self.state);
         let mut measured = measured;
         for (side, of_wheel) in measured.iter_mut().enumerate() {
@@ -502,7 +508,7 @@ impl Fusion {
         let mut bent = 0;
         for channel in StrainChannel::ALL {
             let i = channel.index();
-            let link = link_of(side, i);
+            let link = link_of(side, i).filter(|_| axle.has_links);
             let bending = BENDING.iter().position(|of_bending| *of_bending == i);
             if link.is_none() && (bending.is_none() || !axle.has_section) {
                 continue;

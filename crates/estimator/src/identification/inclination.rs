@@ -56,7 +56,7 @@ impl<'v> Inclinations<'v> {
         lean_rad: f64,
     ) -> [f64; 2] {
         let axle = self.vehicle.axle(wheels[0]);
-        if axle.live_axle.is_some() {
+        if axle.is_solid() {
             let [left, right] = rows.map(|row| row.force_n[2] / axle.tyre.vertical_stiffness_n_m);
             return [(right - left) / axle.track_m; 2];
         }

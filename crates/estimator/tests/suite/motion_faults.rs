@@ -23,7 +23,7 @@ const SILENT_WITHIN_S: f64 = 2.5;
 const RECOVERED_WITHIN_S: f64 = 1.0;
 /// How much a fault may add to the forces' errors, per cent, and to those of sideslip, roll and
 /// pitch, degrees.
-const FORCE_MORE: f64 = 0.5;
+const FORCE_MORE: f64 = 0.35;
 const ANGLE_MORE_DEG: f64 = 0.25;
 
 /// Channels of one device that fail together, the name in the event, and the runs on which what hangs is right,

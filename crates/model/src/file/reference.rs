@@ -57,6 +57,7 @@ const VEHICLE: File = File {
         ("front.five_link", "FiveLink"),
         ("rear.trailing_arm", "TrailingArm"),
         ("rear.live_axle", "LiveAxle"),
+        ("rear.leaf_axle", "LeafAxle"),
         ("front.tyre", "Tyre"),
         ("front.tyre.pressure", "TyrePressure"),
         ("steering", "Steering"),

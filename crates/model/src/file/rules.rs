@@ -8,9 +8,7 @@ use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
 use super::section::number;
-use super::{
-    ErrorCollector, FileErrors, Problem, TOML_MAX, Unparsed, closest, line_and_column, parse,
-};
+use super::{ErrorCollector, FileErrors, Problem, Unparsed, closest, line_and_column, parse};
 use crate::tyre::{Entry, Tir};
 
 /// Which numbers a field admits.
@@ -168,7 +166,7 @@ pub(crate) fn read<T: DeserializeOwned>(
     let refuse = |collector| Err(FileErrors::of(path, collector));
     let mut collector = ErrorCollector::new(&name, text);
     let parsed = parse(text).and_then(|table| {
-        let value = guarded(|| toml::from_str(text)).map_err(Unparsed::Panic)?;
+        let value = guarded(|| toml::from_str(text)).map_err(|panic| Unparsed::panic(&panic))?;
         Ok((table, value))
     });
     let (document, value) = match parsed {
@@ -204,23 +202,16 @@ pub(crate) fn read<T: DeserializeOwned>(
 }
 
 fn add_unparsed(collector: &mut ErrorCollector<'_>, text: &str, unparsed: Unparsed) {
-    let (message, help) = match unparsed {
+    match unparsed {
         Unparsed::Syntax(errors) => {
             for error in &errors {
                 add_syntax(collector, text, error);
             }
-            return;
         }
-        Unparsed::TooLong(bytes) => (
-            format!("the file has {bytes} bytes, but the limit is {TOML_MAX}"),
-            "check the name of the file",
-        ),
-        Unparsed::Panic(panic) => (
-            format!("the TOML parser failed: {panic}"),
-            "correct the TOML",
-        ),
-    };
-    collector.add_at(0, "syntax", "", message, help.to_owned());
+        Unparsed::Whole(message, help) => {
+            collector.add_at(0, "syntax", "", message, help.to_owned());
+        }
+    }
 }
 
 fn add_syntax(collector: &mut ErrorCollector<'_>, text: &str, error: &toml::de::Error) {

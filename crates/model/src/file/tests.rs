@@ -33,6 +33,20 @@ fn every_problem_is_gathered_with_its_place() {
 }
 
 #[test]
+fn a_file_of_another_format_is_one_problem() {
+    for (text, format) in [
+        ("\n{\n  \"mass\": 1,\n}\n", "JSON"),
+        ("<?xml?>\n<a/>", "XML"),
+    ] {
+        let mut collector = ErrorCollector::new("a.json", text);
+        assert!(collector.parse().is_none());
+        let problems = collector.into_problems();
+        assert_eq!(problems.len(), 1, "{problems:?}");
+        assert!(problems[0].message.contains(format), "{problems:?}");
+    }
+}
+
+#[test]
 fn hostile_toml_costs_bounded_time() {
     let start = std::time::Instant::now();
     for (unit, wrap) in [

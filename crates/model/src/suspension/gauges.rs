@@ -112,7 +112,7 @@ pub fn gauges(
     load: &GaugeLoad,
 ) -> Result<GaugeTable, GaugeError> {
     let is_front = load.wheel.is_front();
-    if vehicle.axle(load.wheel).live_axle.is_some() {
+    if vehicle.axle(load.wheel).is_solid() {
         return Err(GaugeError::SolidAxle {
             axle: if is_front { "front" } else { "rear" },
         });

@@ -153,7 +153,7 @@ impl LinkedAxle {
     /// # Errors
     /// When the file has no live axle, or its links do not hold it.
     pub fn of(vehicle: &Vehicle) -> Result<Self, SuspensionError> {
-        let file = (vehicle.rear.live_axle.as_ref()).ok_or(SuspensionError::Missing {
+        let file = (vehicle.rear.solid_axle()).ok_or(SuspensionError::Missing {
             axle: "rear",
             table: "live_axle",
         })?;

@@ -8,7 +8,7 @@ use std::path::Path;
 use sample::Wheel;
 
 use super::rules::SECTIONS;
-use super::{Axle, LiveAxle, Macpherson, Strut, Vehicle, VehicleErrors, plain, tyre_file};
+use super::{Axle, Strut, Vehicle, VehicleErrors, plain, tyre_file};
 use crate::file::rules::{self, Checked};
 use crate::tyre::Tir;
 
@@ -297,30 +297,7 @@ fn axle(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
             ));
         }
     }
-    if let Some(corner) = &axle.wishbone {
-        left_hand(
-            &format!("{name}.wishbone"),
-            &[
-                ("wheel_centre_m", corner.wheel_centre_m),
-                ("upper_ball_m", corner.upper_ball_m),
-                ("lower_ball_m", corner.lower_ball_m),
-            ],
-            found,
-        );
-    }
-    if let Some(corner) = &axle.macpherson {
-        macpherson(name, axle, corner, found);
-    }
-    if let Some(corner) = &axle.five_link {
-        corners::five_link(name, axle, corner, found);
-    }
-    if let Some(corner) = &axle.trailing_arm {
-        corners::trailing_arm(name, axle, corner, found);
-    }
-    corners::one_linkage(name, axle, found);
-    if let Some(live) = &axle.live_axle {
-        live_axle(name, axle, live, found);
-    }
+    corners::points(name, axle, found);
     let own_terms = axle.tyre.tir.as_ref().and_then(Tir::nominal_pressure_pa);
     if let (Some(pressure), Some(nominal_pa)) = (&axle.tyre.pressure, own_terms) {
         found.push((
@@ -329,115 +306,6 @@ fn axle(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
             format!("the .tir file has terms of the pressure itself (NOMPRES {nominal_pa} Pa)"),
             "remove the table".into(),
         ));
-    }
-}
-
-fn left_hand(table: &str, points: &[(&str, [f64; 3])], found: &mut Vec<Contradiction>) {
-    for (point, [_, y, _]) in points {
-        if *y <= 0.0 {
-            found.push((
-                format!("{table}.{point}"),
-                y.to_string(),
-                "lies on the right-hand side".into(),
-                "give the left corner's points: y is positive to the left".into(),
-            ));
-        }
-    }
-}
-
-fn macpherson(name: &str, axle: &Axle, corner: &Macpherson, found: &mut Vec<Contradiction>) {
-    let table = format!("{name}.macpherson");
-    left_hand(
-        &table,
-        &[
-            ("wheel_centre_m", corner.wheel_centre_m),
-            ("lower_ball_m", corner.lower_ball_m),
-            ("strut_top_m", corner.strut_top_m),
-        ],
-        found,
-    );
-    if corner.strut_top_m[2] <= corner.strut_low_m[2] {
-        found.push((
-            format!("{table}.strut_top_m"),
-            corner.strut_top_m[2].to_string(),
-            format!("is not above strut_low_m ({})", corner.strut_low_m[2]),
-            "the top is the ball joint at the body".into(),
-        ));
-    }
-    let arm_kg = axle.unsprung.as_ref().map_or(0.0, |u| u.upper_arm_mass_kg);
-    if arm_kg > 0.0 {
-        found.push((
-            format!("{name}.unsprung.upper_arm_mass_kg"),
-            arm_kg.to_string(),
-            "but a MacPherson strut has no upper arm".into(),
-            "write 0.0; the strut's tube belongs to upright_mass_kg".into(),
-        ));
-    }
-}
-
-fn live_axle(name: &str, axle: &Axle, live: &LiveAxle, found: &mut Vec<Contradiction>) {
-    let table = format!("{name}.live_axle");
-    if name == "front" {
-        found.push((
-            table.clone(),
-            String::new(),
-            "is a solid axle that is steered, for which there is no model".into(),
-            "leave the table out: the front axle is then one without a linkage".into(),
-        ));
-    }
-    if let Some(other) = axle.linkage_table() {
-        found.push((
-            table.clone(),
-            String::new(),
-            format!("and [{name}.{other}] describe the same axle"),
-            "keep the table of the linkage that the axle has".into(),
-        ));
-    }
-    left_hand(
-        &table,
-        &[
-            ("wheel_centre_m", live.wheel_centre_m),
-            ("lower_link_axle_m", live.lower_link_axle_m),
-            ("upper_link_axle_m", live.upper_link_axle_m),
-            ("spring_axle_m", live.spring_axle_m),
-            ("damper_axle_m", live.damper_axle_m),
-        ],
-        found,
-    );
-    triangle(&table, live.inertia_kg_m2, found);
-    let arms_kg = axle.unsprung.as_ref().map_or(0.0, |unsprung| {
-        unsprung.upper_arm_mass_kg + unsprung.lower_arm_mass_kg
-    });
-    if arms_kg > 0.0 {
-        found.push((
-            format!("{name}.unsprung.lower_arm_mass_kg"),
-            arms_kg.to_string(),
-            "with that of the upper arm, but a solid axle has no arms".into(),
-            "write 0.0 for both; half of the axle without its wheels is upright_mass_kg".into(),
-        ));
-    }
-    let [_, half_track_m, _] = live.wheel_centre_m;
-    if let Some(y_m) = live.section_y_m.filter(|y_m| *y_m >= half_track_m) {
-        found.push((
-            format!("{table}.section_y_m"),
-            y_m.to_string(),
-            format!("lies outboard of the wheel centre ({half_track_m})"),
-            "give the distance of the gauges on the tube from the middle plane".into(),
-        ));
-    }
-    let of_section = [
-        ("end_mass_kg", live.end_mass_kg.is_some()),
-        ("end_cg_m", live.end_cg_m.is_some()),
-    ];
-    for (field, _) in of_section.iter().filter(|(_, given)| *given) {
-        if live.section_y_m.is_none() {
-            found.push((
-                format!("{table}.{field}"),
-                String::new(),
-                "is of the part outboard of section_y_m, which is missing".into(),
-                "add section_y_m, or leave this field out".into(),
-            ));
-        }
     }
 }
 

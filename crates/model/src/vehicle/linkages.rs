@@ -1,6 +1,8 @@
-//! Hard-points of corners on five links and on trailing arms.
+//! Hard-points of corners on five links and on trailing arms, and of solid axles on leaf springs.
 
 use serde::{Deserialize, Serialize};
+
+use super::LiveAxle;
 
 /// Hard-points of a left-hand corner whose upright is held by five links and a strut, axle frame, design position, m.
 /// Each link has a ball joint at both ends. Five links, four links with a track rod and a double wishbone whose arms
@@ -141,5 +143,102 @@ impl TrailingArm {
             &mut self.strut_chassis_m,
             &mut self.strut_arm_m,
         ]
+    }
+}
+
+/// A solid axle on leaf springs that lie along the vehicle, axle frame, design position. Points of the left side, which the
+/// right side mirrors. Each spring guides its seat like a link and carries it: the seat moves on an arc about a point
+/// between it and the fixed eye, keeps its inclination, and does not move sideways. `[rear.unsprung]` and `[rear.strut]`
+/// are as for `[rear.live_axle]`, with the distance from `spring_body_m` to the seat as the length of the spring.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeafAxle {
+    /// Wheel centre, m.
+    pub wheel_centre_m: [f64; 3],
+    /// Middle of the main leaf at the axle's seat, m.
+    pub seat_m: [f64; 3],
+    /// Fixed eye of the main leaf at the body; the shackle is at the other end, m.
+    pub eye_body_m: [f64; 3],
+    /// Radius of the seat's arc over the distance from seat to eye.
+    #[serde(
+        default = "LeafAxle::usual_radius",
+        skip_serializing_if = "LeafAxle::is_usual_radius"
+    )]
+    pub radius_part: f64,
+    /// Point of the body above the seat to which the spring's length is measured, such as the bump stop, m.
+    pub spring_body_m: [f64; 3],
+    /// Damper, end at the body, m.
+    pub damper_body_m: [f64; 3],
+    /// Damper, end at the axle, m.
+    pub damper_axle_m: [f64; 3],
+    /// Centre of gravity of the axle without its wheels, m.
+    pub cg_m: [f64; 3],
+    /// Moments of inertia of the axle without its wheels about its own centre of gravity (roll, pitch, yaw), kg m^2.
+    pub inertia_kg_m2: [f64; 3],
+    /// Torque of both half-shafts over that of the propeller shaft, whose torque the axle reacts; without it, the axle
+    /// has no propeller shaft.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub final_drive_ratio: Option<f64>,
+    /// Distance from the middle plane of the sections of the axle tubes that have bending gauges, outboard of springs
+    /// and dampers, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub section_y_m: Option<f64>,
+    /// Mass of the axle outboard of a section, without the wheel, kg; 0 if it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end_mass_kg: Option<f64>,
+    /// Centre of gravity of this part, m; halfway between section and wheel centre if it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end_cg_m: Option<[f64; 3]>,
+}
+
+impl LeafAxle {
+    /// Height of the upper links over the lower ones, m: the force of both together does not depend on it.
+    const LINKS_APART_M: f64 = 0.2;
+    /// Length of the line that holds the axle sideways, m. A seat that moves by 0.1 m goes 0.5 mm sideways on it.
+    const SIDE_LINE_M: f64 = 10.0;
+
+    /// Radius of the seat's arc over the distance from seat to eye: three quarters for a main leaf with the shape of a
+    /// circle (SAE HS-788, Spring Design Manual, geometry of leaf springs).
+    fn usual_radius() -> f64 {
+        0.75
+    }
+
+    #[allow(
+        clippy::trivially_copy_pass_by_ref,
+        reason = "serde passes a reference"
+    )]
+    fn is_usual_radius(part: &f64) -> bool {
+        part.to_bits() == Self::usual_radius().to_bits()
+    }
+
+    /// The axle on links that guide it alike: parallel links from each seat and above it to the centre of its arc, and
+    /// a long line across the vehicle at the height of the seats.
+    #[must_use]
+    pub fn on_links(&self) -> LiveAxle {
+        let (seat, part) = (self.seat_m, self.radius_part);
+        let centre: [f64; 3] =
+            std::array::from_fn(|i| seat[i] + part * (self.eye_body_m[i] - seat[i]));
+        let above = |[x, y, z]: [f64; 3]| [x, y, z + Self::LINKS_APART_M];
+        let [x, _, z] = seat;
+        LiveAxle {
+            wheel_centre_m: self.wheel_centre_m,
+            lower_link_body_m: centre,
+            lower_link_axle_m: seat,
+            upper_link_body_m: above(centre),
+            upper_link_axle_m: above(seat),
+            panhard_body_m: [x, Self::SIDE_LINE_M, z],
+            panhard_axle_m: [x, 0.0, z],
+            spring_body_m: self.spring_body_m,
+            spring_axle_m: seat,
+            damper_body_m: self.damper_body_m,
+            damper_axle_m: self.damper_axle_m,
+            cg_m: self.cg_m,
+            inertia_kg_m2: self.inertia_kg_m2,
+            link_stiffness_n_m: None,
+            final_drive_ratio: self.final_drive_ratio,
+            section_y_m: self.section_y_m,
+            end_mass_kg: self.end_mass_kg,
+            end_cg_m: self.end_cg_m,
+        }
     }
 }

@@ -193,6 +193,7 @@ fn axle(body: &Body, part: f64) -> Axle {
         five_link: None,
         trailing_arm: None,
         live_axle: None,
+        leaf_axle: None,
         tyre: Tyre {
             tir: None,
             unloaded_radius_m: TYRE_RADIUS_M,

@@ -65,6 +65,10 @@ pub(crate) const SECTIONS: &[TableRules] = &[
         rules: LIVE_AXLE,
     },
     TableRules {
+        tables: &["front.leaf_axle", "rear.leaf_axle"],
+        rules: LEAF_AXLE,
+    },
+    TableRules {
         tables: &["front.tyre", "rear.tyre"],
         rules: TYRE,
     },
@@ -156,6 +160,7 @@ const AXLE: &[Rule] = &[
     may("five_link", Table),
     may("trailing_arm", Table),
     may("live_axle", Table),
+    may("leaf_axle", Table),
     must("tyre", Table),
 ];
 
@@ -252,6 +257,22 @@ const LIVE_AXLE: &[Rule] = &[
     must("cg_m", POINT),
     must("inertia_kg_m2", Vector(3, Positive(1e6))),
     may("link_stiffness_n_m", Number(Positive(1e10))),
+    may("final_drive_ratio", Number(Within(1.0, 20.0))),
+    may("section_y_m", Number(Positive(LENGTH))),
+    may("end_mass_kg", Number(NonNegative(MASS))),
+    may("end_cg_m", POINT),
+];
+
+const LEAF_AXLE: &[Rule] = &[
+    must("wheel_centre_m", POINT),
+    must("seat_m", POINT),
+    must("eye_body_m", POINT),
+    may("radius_part", Number(Within(0.5, 1.0))),
+    must("spring_body_m", POINT),
+    must("damper_body_m", POINT),
+    must("damper_axle_m", POINT),
+    must("cg_m", POINT),
+    must("inertia_kg_m2", Vector(3, Positive(1e6))),
     may("final_drive_ratio", Number(Within(1.0, 20.0))),
     may("section_y_m", Number(Positive(LENGTH))),
     may("end_mass_kg", Number(NonNegative(MASS))),

@@ -47,6 +47,7 @@ fn axle() -> Axle {
         five_link: None,
         trailing_arm: None,
         live_axle: None,
+        leaf_axle: None,
         wishbone: Some(Wishbone {
             wheel_centre_m: [0.0, 0.6, 0.3],
             upper_front_m: [0.15, 0.22, 0.41],

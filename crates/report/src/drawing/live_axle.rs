@@ -1,8 +1,8 @@
-//! Drawing of a solid axle on links: links, Panhard rod, springs and dampers of both sides.
+//! Drawing of a solid axle: links and Panhard rod or leaf springs, springs and dampers of both sides.
 
 use model::nalgebra::Vector3;
 use model::suspension::{AxleLine, LinkedAxle, LiveAxlePose, SuspensionError};
-use model::vehicle::{Strut, Vehicle};
+use model::vehicle::{LeafAxle, Strut, Vehicle};
 use sample::Wheel;
 
 use super::{CURVE_POINTS, Curve, DrawingError, Drawn, Pose, origin_m};
@@ -25,12 +25,20 @@ pub(super) fn drawn(
     let travel = |place| {
         move |source| DrawingError::Travel {
             axle,
-            table: "live_axle",
+            table: if of_axle.leaf_axle.is_some() {
+                "leaf_axle"
+            } else {
+                "live_axle"
+            },
             place,
             source,
         }
     };
     let linked = LinkedAxle::of(vehicle).map_err(travel("the design position"))?;
+    let leaves = (of_axle.leaf_axle.as_ref()).map(|leaf| leaves(&linked, leaf));
+    let guides = leaves
+        .as_ref()
+        .map_or(&linked.links[..], |leaves| &leaves[..]);
     let both = |length_m, place| linked.pose([length_m; 2]).map_err(travel(place));
     let [design_m, _] = linked.design_lengths_m();
     let stops_m = [strut.bump_stop_length_m, droop_length_m(&linked, strut)];
@@ -44,8 +52,8 @@ pub(super) fn drawn(
     let outer_m = linked.wheel_centres_m[0].y + 0.15;
     Ok(Some(Drawn {
         axle,
-        named: named(&linked, &poses[0]),
-        poses: poses.each_ref().map(|pose| lines(&linked, pose)),
+        named: named(&linked, leaves.as_ref(), &poses[0]),
+        poses: poses.each_ref().map(|pose| lines(&linked, guides, pose)),
         curves,
         radius_m: of_axle.tyre.unloaded_radius_m,
         origin_m,
@@ -74,13 +82,40 @@ fn droop_length_m(linked: &LinkedAxle, strut: &Strut) -> f64 {
     free_m
 }
 
+/// Both leaf springs from the seat to the fixed eye, in the place of the links to the centre of the arc.
+fn leaves(linked: &LinkedAxle, leaf: &LeafAxle) -> [AxleLine; 2] {
+    [0, 1].map(|side| {
+        let link = linked.links[side];
+        let seat_m = linked.origin_m + link.axle_m;
+        AxleLine {
+            body_m: seat_m + (link.body_m - seat_m) / leaf.radius_part,
+            ..link
+        }
+    })
+}
+
 /// Points of the file in the design position: those of the left side, and the Panhard rod.
-fn named(linked: &LinkedAxle, design: &LiveAxlePose) -> Vec<(&'static str, Vector3<f64>)> {
+fn named(
+    linked: &LinkedAxle,
+    leaves: Option<&[AxleLine; 2]>,
+    design: &LiveAxlePose,
+) -> Vec<(&'static str, Vector3<f64>)> {
     let ends = |line: &AxleLine| [line.body_m, design.point_m(line.axle_m)];
     let [lower, _, upper, _, panhard] = linked.links.each_ref().map(ends);
     let [spring, damper] = [&linked.springs[0], &linked.dampers[0]].map(ends);
+    let wheel = ("wheel_centre_m", design.point_m(linked.wheel_centres_m[0]));
+    if let Some([eye, seat]) = leaves.map(|[left, _]| ends(left)) {
+        return vec![
+            wheel,
+            ("eye_body_m", eye),
+            ("seat_m", seat),
+            ("spring_body_m", spring[0]),
+            ("damper_body_m", damper[0]),
+            ("damper_axle_m", damper[1]),
+        ];
+    }
     vec![
-        ("wheel_centre_m", design.point_m(linked.wheel_centres_m[0])),
+        wheel,
         ("lower_link_body_m", lower[0]),
         ("lower_link_axle_m", lower[1]),
         ("upper_link_body_m", upper[0]),
@@ -94,8 +129,8 @@ fn named(linked: &LinkedAxle, design: &LiveAxlePose) -> Vec<(&'static str, Vecto
     ]
 }
 
-fn lines(linked: &LinkedAxle, pose: &LiveAxlePose) -> Pose {
-    let all = (linked.links.iter())
+fn lines(linked: &LinkedAxle, guides: &[AxleLine], pose: &LiveAxlePose) -> Pose {
+    let all = (guides.iter())
         .chain(&linked.springs)
         .chain(&linked.dampers);
     let ends = |line: &AxleLine| vec![line.body_m, pose.point_m(line.axle_m)];

@@ -92,10 +92,11 @@ impl WheelStops {
     fn new(vehicle: &Vehicle, wheel: Wheel) -> Self {
         let axle = vehicle.axle(wheel);
         let free_m = axle.strut.as_ref().map(|strut| {
-            // The droop stop of a live axle is that of its damper, whose length the truth does not have.
-            let droop_m = match axle.live_axle {
-                Some(_) => f64::INFINITY,
-                None => strut.droop_stop_length_m,
+            // The droop stop of a solid axle is that of its damper, whose length the truth does not have.
+            let droop_m = if axle.is_solid() {
+                f64::INFINITY
+            } else {
+                strut.droop_stop_length_m
             };
             [strut.bump_stop_length_m, droop_m]
         });

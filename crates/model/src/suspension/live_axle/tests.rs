@@ -2,6 +2,7 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::suspension::linkage::Coordinates;
+use crate::vehicle::LeafAxle;
 
 fn axle() -> LinkedAxle {
     let vehicle = Vehicle::builtin("second-vehicle").expect("ships with the project");
@@ -121,4 +122,88 @@ fn what_does_not_hold_the_axle_or_is_out_of_reach_is_an_error() {
     live.spring_body_m[1] = live.spring_axle_m[1];
     let loose = LinkedAxle::of(&vehicle).expect_err("free sideways");
     assert!(loose.to_string().contains("do not hold"), "{loose}");
+}
+
+/// The second vehicle with leaf springs at the rear: seats where the springs of its file stand.
+fn on_leaves() -> Vehicle {
+    let mut vehicle = Vehicle::builtin("second-vehicle").expect("ships with the project");
+    let live = vehicle.rear.live_axle.take().expect("a live axle");
+    let [x, y, z] = live.spring_axle_m;
+    vehicle.rear.leaf_axle = Some(LeafAxle {
+        wheel_centre_m: live.wheel_centre_m,
+        seat_m: live.spring_axle_m,
+        eye_body_m: [x + 0.6, y, z],
+        radius_part: 0.75,
+        spring_body_m: [x, y, live.spring_body_m[2]],
+        damper_body_m: live.damper_body_m,
+        damper_axle_m: live.damper_axle_m,
+        cg_m: live.cg_m,
+        inertia_kg_m2: live.inertia_kg_m2,
+        final_drive_ratio: live.final_drive_ratio,
+        section_y_m: live.section_y_m,
+        end_mass_kg: live.end_mass_kg,
+        end_cg_m: live.end_cg_m,
+    });
+    vehicle
+}
+
+/// Both seats in the same travel are on an arc of 0.45 m, the axle does not turn, and goes at most 0.5 mm sideways.
+/// In roll, both seats have different places on their arcs, which steers the axle.
+#[test]
+fn seats_on_leaf_springs_follow_arcs() {
+    let axle = LinkedAxle::of(&on_leaves()).expect("a sound axle");
+    let [design_m, _] = axle.design_lengths_m();
+    let seat = axle.springs[0].axle_m;
+    let design = axle.pose([design_m; 2]).expect("within reach");
+    for up_m in [-0.1, -0.04, 0.05, 0.1_f64] {
+        // The spring's upper end does not move along: its length follows from the arc.
+        let ahead_m = 0.45 - (0.45_f64.powi(2) - up_m * up_m).sqrt();
+        let above_m = design_m - up_m;
+        let pose = axle
+            .pose([above_m.hypot(ahead_m); 2])
+            .expect("within reach");
+        let moved = pose.point_m(seat) - design.point_m(seat);
+        assert!((moved.z - up_m).abs() < 1e-4, "{moved}");
+        assert!((moved.x - ahead_m).abs() < 1e-4, "{moved}");
+        assert!(moved.y.abs() < 5.1e-4, "{moved}");
+        assert!((pose.vehicle_from_axle - Matrix3::identity()).amax() < 1e-4);
+    }
+    let pose = axle
+        .pose([design_m - 0.08, design_m + 0.03])
+        .expect("within reach");
+    let ahead = |up_m: f64| 0.45 - (0.45_f64.powi(2) - up_m * up_m).sqrt();
+    let steer = (ahead(0.08) - ahead(0.03)) / (2.0 * seat.y);
+    let spindle = pose.spindle();
+    assert!(
+        (spindle.x - steer).abs() < 0.1 * steer.abs(),
+        "{spindle} {steer}"
+    );
+}
+
+/// The seats carry braking and its moment by a couple, and side forces at their height.
+#[test]
+fn leaf_springs_carry_what_the_wheels_bring() {
+    let vehicle = on_leaves();
+    let axle = LinkedAxle::of(&vehicle).expect("a sound axle");
+    // Springs push.
+    let mut lines = -axle.gradients(&axle.design());
+    lines.fixed_columns_mut::<2>(LINKS).neg_mut();
+    let inverse = lines.pseudo_inverse(1e-9).expect("a matrix");
+    let members = inverse * Vector6::new(1000.0, -300.0, 0.0, 0.0, 0.0, 0.0);
+    let height_m = axle.springs[0].axle_m.z;
+    // Side force at the wheel centres: the springs take its moment about the seats.
+    let apart_m = 2.0 * axle.springs[0].axle_m.y;
+    assert!(
+        (members[5] - members[6] - 2.0 * 300.0 * height_m / apart_m).abs() < 1e-6,
+        "{members}"
+    );
+    assert!((members[4].abs() - 300.0).abs() < 1e-6, "{members}");
+    // Links push backwards as much as the brakes do; lower and upper ones share the moment.
+    let along: f64 = members.fixed_rows::<4>(0).sum();
+    assert!((along.abs() - 1000.0).abs() < 1e-6, "{members}");
+    let upper: f64 = members[2] + members[3];
+    assert!(
+        (upper.abs() - 1000.0 * height_m / 0.2).abs() < 1e-6,
+        "{members}"
+    );
 }

@@ -2,15 +2,68 @@
 
 use sample::Wheel;
 
-use super::{Contradiction, left_hand};
+use super::{Contradiction, triangle};
 use crate::suspension::{Corner, LinkedAxle, SuspensionError};
-use crate::vehicle::{Axle, FiveLink, Strut, TrailingArm, Vehicle};
+use crate::vehicle::{Axle, FiveLink, LiveAxle, Macpherson, Strut, TrailingArm, Vehicle};
 
 /// Largest distance of a strut's mount from the line between the joints of its link, m.
 const OFF_LINE_M: f64 = 0.005;
 
+/// Whether the hard-points of an axle fit it.
+pub(super) fn points(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
+    if let Some(corner) = &axle.wishbone {
+        left_hand(
+            &format!("{name}.wishbone"),
+            &[
+                ("wheel_centre_m", corner.wheel_centre_m),
+                ("upper_ball_m", corner.upper_ball_m),
+                ("lower_ball_m", corner.lower_ball_m),
+            ],
+            found,
+        );
+    }
+    if let Some(corner) = &axle.macpherson {
+        macpherson(name, axle, corner, found);
+    }
+    if let Some(corner) = &axle.five_link {
+        five_link(name, axle, corner, found);
+    }
+    if let Some(corner) = &axle.trailing_arm {
+        trailing_arm(name, axle, corner, found);
+    }
+    one_linkage(name, axle, found);
+    if let Some(live) = &axle.live_axle {
+        let points = [
+            ("wheel_centre_m", live.wheel_centre_m),
+            ("lower_link_axle_m", live.lower_link_axle_m),
+            ("upper_link_axle_m", live.upper_link_axle_m),
+            ("spring_axle_m", live.spring_axle_m),
+            ("damper_axle_m", live.damper_axle_m),
+        ];
+        solid_axle((name, "live_axle"), axle, live, &points, found);
+    }
+    if let Some(leaf) = &axle.leaf_axle {
+        let points = [
+            ("wheel_centre_m", leaf.wheel_centre_m),
+            ("seat_m", leaf.seat_m),
+            ("eye_body_m", leaf.eye_body_m),
+            ("damper_axle_m", leaf.damper_axle_m),
+        ];
+        solid_axle((name, "leaf_axle"), axle, &leaf.on_links(), &points, found);
+        if leaf.spring_body_m[2] <= leaf.seat_m[2] {
+            found.push((
+                format!("{name}.leaf_axle.spring_body_m"),
+                leaf.spring_body_m[2].to_string(),
+                format!("is not above seat_m ({})", leaf.seat_m[2]),
+                "give a point of the body above the seat: the length of the spring is the distance between them"
+                    .into(),
+            ));
+        }
+    }
+}
+
 /// Tables that describe the same corner.
-pub(super) fn one_linkage(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
+fn one_linkage(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
     let mut tables = axle.linkage_tables();
     let first = tables.next();
     for other in tables {
@@ -26,12 +79,7 @@ pub(super) fn one_linkage(name: &str, axle: &Axle, found: &mut Vec<Contradiction
     }
 }
 
-pub(super) fn five_link(
-    name: &str,
-    axle: &Axle,
-    corner: &FiveLink,
-    found: &mut Vec<Contradiction>,
-) {
+fn five_link(name: &str, axle: &Axle, corner: &FiveLink, found: &mut Vec<Contradiction>) {
     let table = format!("{name}.five_link");
     left_hand(
         &table,
@@ -88,12 +136,7 @@ pub(super) fn five_link(
     }
 }
 
-pub(super) fn trailing_arm(
-    name: &str,
-    axle: &Axle,
-    corner: &TrailingArm,
-    found: &mut Vec<Contradiction>,
-) {
+fn trailing_arm(name: &str, axle: &Axle, corner: &TrailingArm, found: &mut Vec<Contradiction>) {
     let table = format!("{name}.trailing_arm");
     if name == "front" {
         found.push((
@@ -139,7 +182,7 @@ pub(super) fn trailing_arm(
 }
 
 /// Whether the end of the strut at the body is above the other.
-pub(super) fn strut_above(
+fn strut_above(
     table: &str,
     (field, [_, _, low_m]): (&str, [f64; 3]),
     [_, _, chassis_m]: [f64; 3],
@@ -152,6 +195,113 @@ pub(super) fn strut_above(
             format!("is not above {field} ({low_m})"),
             "the end at the chassis is the upper one".into(),
         ));
+    }
+}
+
+fn left_hand(table: &str, points: &[(&str, [f64; 3])], found: &mut Vec<Contradiction>) {
+    for (point, [_, y, _]) in points {
+        if *y <= 0.0 {
+            found.push((
+                format!("{table}.{point}"),
+                y.to_string(),
+                "lies on the right-hand side".into(),
+                "give the left corner's points: y is positive to the left".into(),
+            ));
+        }
+    }
+}
+
+fn macpherson(name: &str, axle: &Axle, corner: &Macpherson, found: &mut Vec<Contradiction>) {
+    let table = format!("{name}.macpherson");
+    left_hand(
+        &table,
+        &[
+            ("wheel_centre_m", corner.wheel_centre_m),
+            ("lower_ball_m", corner.lower_ball_m),
+            ("strut_top_m", corner.strut_top_m),
+        ],
+        found,
+    );
+    if corner.strut_top_m[2] <= corner.strut_low_m[2] {
+        found.push((
+            format!("{table}.strut_top_m"),
+            corner.strut_top_m[2].to_string(),
+            format!("is not above strut_low_m ({})", corner.strut_low_m[2]),
+            "the top is the ball joint at the body".into(),
+        ));
+    }
+    let arm_kg = axle.unsprung.as_ref().map_or(0.0, |u| u.upper_arm_mass_kg);
+    if arm_kg > 0.0 {
+        found.push((
+            format!("{name}.unsprung.upper_arm_mass_kg"),
+            arm_kg.to_string(),
+            "but a MacPherson strut has no upper arm".into(),
+            "write 0.0; the strut's tube belongs to upright_mass_kg".into(),
+        ));
+    }
+}
+
+fn solid_axle(
+    (name, table): (&str, &str),
+    axle: &Axle,
+    live: &LiveAxle,
+    points: &[(&str, [f64; 3])],
+    found: &mut Vec<Contradiction>,
+) {
+    let both = axle.live_axle.is_some() && table == "leaf_axle";
+    let other = both.then_some("live_axle").or(axle.linkage_table());
+    let table = format!("{name}.{table}");
+    if name == "front" {
+        found.push((
+            table.clone(),
+            String::new(),
+            "is a solid axle that is steered, for which there is no model".into(),
+            "leave the table out: the front axle is then one without a linkage".into(),
+        ));
+    }
+    if let Some(other) = other {
+        found.push((
+            table.clone(),
+            String::new(),
+            format!("and [{name}.{other}] describe the same axle"),
+            "keep the table of the linkage that the axle has".into(),
+        ));
+    }
+    left_hand(&table, points, found);
+    triangle(&table, live.inertia_kg_m2, found);
+    let arms_kg = axle.unsprung.as_ref().map_or(0.0, |unsprung| {
+        unsprung.upper_arm_mass_kg + unsprung.lower_arm_mass_kg
+    });
+    if arms_kg > 0.0 {
+        found.push((
+            format!("{name}.unsprung.lower_arm_mass_kg"),
+            arms_kg.to_string(),
+            "with that of the upper arm, but a solid axle has no arms".into(),
+            "write 0.0 for both; half of the axle without its wheels is upright_mass_kg".into(),
+        ));
+    }
+    let [_, half_track_m, _] = live.wheel_centre_m;
+    if let Some(y_m) = live.section_y_m.filter(|y_m| *y_m >= half_track_m) {
+        found.push((
+            format!("{table}.section_y_m"),
+            y_m.to_string(),
+            format!("lies outboard of the wheel centre ({half_track_m})"),
+            "give the distance of the gauges on the tube from the middle plane".into(),
+        ));
+    }
+    let of_section = [
+        ("end_mass_kg", live.end_mass_kg.is_some()),
+        ("end_cg_m", live.end_cg_m.is_some()),
+    ];
+    for (field, _) in of_section.iter().filter(|(_, given)| *given) {
+        if live.section_y_m.is_none() {
+            found.push((
+                format!("{table}.{field}"),
+                String::new(),
+                "is of the part outboard of section_y_m, which is missing".into(),
+                "add section_y_m, or leave this field out".into(),
+            ));
+        }
     }
 }
 
