@@ -107,7 +107,7 @@ campaigns: setup windows ## Does Spark read datasets? Seeded drives: do the inte
 	$(CARGO) test --locked -p atvrec-store --test suite campaign_of -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec-engine --lib campaign_of -- --ignored --nocapture
 	$(CARGO) build --locked --release -p atvrec
-	scripts/score-runs -o target/forces.md --compact target/forces-compact.md ../shared/data/truth/[bcdf]_*.parquet ../shared/data/truth-rough/*.parquet
+	scripts/score-runs -o target/forces.md --compact target/forces-compact.md ../shared/data/truth/[bcdfh]_*.parquet ../shared/data/truth-rough/*.parquet
 	scripts/score-runs --vehicle testdata/second-vehicle-plain.toml --sensors thesis-10bit -o target/forces-second.md ../shared/data/truth-second/[fr]*_a.parquet
 	@scripts/setup spark
 	@scripts/test-python wheel

@@ -159,7 +159,7 @@ pub struct LeafAxle {
     pub seat_m: [f64; 3],
     /// Fixed eye of the main leaf at the body; the shackle is at the other end, m.
     pub eye_body_m: [f64; 3],
-    /// Radius of the seat's arc over the distance from seat to eye.
+    /// Radius of the seat's arc over the distance from seat to eye. Without it: 0.75.
     #[serde(
         default = "LeafAxle::usual_radius",
         skip_serializing_if = "LeafAxle::is_usual_radius"
@@ -197,7 +197,7 @@ impl LeafAxle {
     /// Length of the line that holds the axle sideways, m. A seat that moves by 0.1 m goes 0.5 mm sideways on it.
     const SIDE_LINE_M: f64 = 10.0;
 
-    /// Radius of the seat's arc over the distance from seat to eye: three quarters for a main leaf with the shape of a
+    /// Radius of the seat's arc over the distance from seat to eye. Without it: 0.75. three quarters for a main leaf with the shape of a
     /// circle (SAE HS-788, Spring Design Manual, geometry of leaf springs).
     fn usual_radius() -> f64 {
         0.75
