@@ -348,6 +348,12 @@ impl Fusion {
         self.restart(channels);
     }
 
+    /// Whether a fault of a strain channel has begun by a leap of its readings and lasts.
+    pub(crate) fn has_leapt(&self) -> bool {
+        let mut all = self.health.as_flattened().iter();
+        all.any(ChannelHealth::has_leapt)
+    }
+
     /// Whether no channel is blamed alone.
     pub(crate) fn hold_blame(&mut self, hold: bool) {
         self.undecided = hold;

@@ -86,9 +86,14 @@ impl Mistakes {
         self.driven = Driven::default();
     }
 
-    /// Takes a window. Returns a mistake that is now certain.
-    pub fn take(&mut self, window: &RelationWindow) -> Option<Judged> {
+    /// Takes a window. Returns a mistake that is now certain. A window in which a fault of a channel `has_begun` tells
+    /// nothing of the configuration.
+    pub fn take(&mut self, window: &RelationWindow, has_begun: bool) -> Option<Judged> {
         let t = &self.tuning;
+        if has_begun {
+            self.evidence.pass_over(window);
+            return None;
+        }
         let on_ground = window.least_load.iter().all(|part| *part > t.load_min_part);
         let is_slow = window.speed.abs() < t.speed_min_m_s;
         if !on_ground || is_slow {

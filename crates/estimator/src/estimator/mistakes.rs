@@ -305,8 +305,9 @@ impl Estimator {
             return;
         }
         let mut certain = None;
+        let has_begun = fusion.has_leapt();
         fusion.with_relations(|window| {
-            certain = Arc::make_mut(&mut watch.evidence).take(window);
+            certain = Arc::make_mut(&mut watch.evidence).take(window, has_begun);
         });
         fusion.hold_blame(watch.is_undecided(now, t.hold_s));
         if let Some(event) = watch.inexact_event(now, t) {

@@ -23,6 +23,11 @@ pub struct ChannelHealth {
     /// Variance of the last innovation, after the channels before it were taken.
     variance: f64,
     faulty: bool,
+    /// Readings within the gate since the last one outside.
+    calm: u32,
+    /// Whether it left its gate by a leap, and has not returned: a fault that has begun, no mistake of the
+    /// configuration.
+    leapt: bool,
 }
 
 impl Default for ChannelHealth {
@@ -33,6 +38,8 @@ impl Default for ChannelHealth {
             tolerance: 1.0,
             variance: 0.0,
             faulty: false,
+            calm: 0,
+            leapt: false,
         }
     }
 }
@@ -57,6 +64,11 @@ impl ChannelHealth {
         self.faulty
     }
 
+    /// Whether a fault has begun by a leap of its readings and lasts.
+    pub const fn has_leapt(&self) -> bool {
+        self.leapt
+    }
+
     /// Whether the channel is used: it is not faulty and was not outside its gate for several readings.
     pub fn is_used(&self, tuning: &ChannelTuning) -> bool {
         !self.faulty && self.outside < tuning.alone
@@ -78,7 +90,8 @@ impl ChannelHealth {
     }
 
     /// Judges an innovation by its normalised square, before any reading of the step was taken. What the
-    /// road does to several channels at once is no evidence. A channel is not found faulty unless `may_blame`.
+    /// road does to several channels at once is no evidence. A channel is not found faulty unless `may_blame`, or its
+    /// readings leap after they agreed for long: a wrong configuration contradicts them from the beginning.
     pub fn judge(
         &mut self,
         square: f64,
@@ -91,12 +104,20 @@ impl ChannelHealth {
         if outside && !is_evidence {
             return Change::None;
         }
+        let far = square > tuning.leap_sigma * tuning.leap_sigma;
+        self.leapt |= far && self.calm >= tuning.leap_calm;
+        self.calm = if outside {
+            0
+        } else {
+            self.calm.saturating_add(1)
+        };
+        self.leapt &= self.calm < tuning.leap_calm;
         self.outside += tuning.learning * (f64::from(outside) - self.outside);
-        if !self.faulty && self.outside > tuning.faulty && may_blame {
+        if !self.faulty && self.outside > tuning.faulty && (may_blame || self.leapt) {
             self.faulty = true;
             Change::Faulty
         } else if self.faulty && self.outside < tuning.good {
-            self.faulty = false;
+            (self.faulty, self.leapt) = (false, false);
             Change::Recovered
         } else {
             Change::None
@@ -108,6 +129,23 @@ impl ChannelHealth {
 mod tests {
     use super::*;
     use crate::Tuning;
+
+    /// A channel that agreed for a second and leaps is found while the configuration is still weighed; one that is
+    /// outside from the beginning is not, and neither is one that leaves the gate step by step.
+    #[test]
+    fn a_leap_is_no_mistake_of_the_configuration() {
+        let tuning = Tuning::default().fusion.channels;
+        let found = |squares: &[f64]| {
+            let mut health = ChannelHealth::default();
+            let mut judge = |square: &f64| health.judge(*square, true, false, &tuning);
+            squares.iter().any(|square| judge(square) == Change::Faulty)
+        };
+        let (calm, far) = ([1.0; 100], [400.0; 100]);
+        assert!(found(&[calm, far].concat()));
+        assert!(!found(&[far, far].concat()));
+        let slowly: Vec<f64> = (0..200).map(|k| f64::from(k * k) / 50.0).collect();
+        assert!(!found(&[&calm[..], &slowly].concat()));
+    }
 
     /// Innovations that keep one sign make a channel weigh less, but never so little that it can no longer
     /// correct the state.

@@ -168,6 +168,10 @@ tuning! {
         tolerance_learning: f64 = 0.02, "1";
         /// Bounds of that factor.
         tolerance_bounds: [f64; 2] = [0.03, 2.0], "1";
+        /// Normalised innovation of one channel alone that is a leap: a fault begins.
+        leap_sigma: f64 = 12.0, "σ";
+        /// Readings within the gate before it. A mistake of the configuration leaves few of them.
+        leap_calm: u32 = 100, "1";
     }
 }
 

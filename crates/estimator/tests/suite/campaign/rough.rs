@@ -56,6 +56,23 @@ fn potentiometers_that_leap_are_survived() {
     judge_all(&outcomes);
 }
 
+/// A strain channel that leaps while the configuration is still weighed: taken for a gain that was wrong from the
+/// beginning, of another channel of the corner, it gave a load of 34 kN.
+#[test]
+fn a_fault_that_begins_is_no_mistake_of_the_configuration() {
+    let Some(outcomes) = campaign(&ROUGH, &[132]) else {
+        return;
+    };
+    judge_all(&outcomes);
+    let is_blamed = |(_, name): &&(f64, String)| name.starts_with("FL lower_rear");
+    assert!(
+        outcomes[0]
+            .excluded
+            .iter()
+            .any(|excluded| is_blamed(&excluded))
+    );
+}
+
 /// Steering wheels and angles of the receiver that are frozen or dead while they are right: only their missing noise
 /// shows it.
 #[test]
