@@ -360,13 +360,16 @@ mod tests {
     }
 
     #[test]
-    fn channels_of_a_strut_have_two_names() {
+    fn channels_of_other_suspensions_have_two_names() {
         let text = |name: &str| {
             format!("vehicle = \"x\"\n[corner.front_left.strain.{name}]\noffset_counts = 500.5")
         };
         for (strut, name) in [
             ("strut_side_x", "upper_front"),
             ("strut_side_y", "upper_rear"),
+            ("inner_bushing_z", "lower_rear"),
+            ("panhard_rod", "tie_rod"),
+            ("tube_bending_z", "lower_rear_bending"),
         ] {
             let read = |name| Calibration::from_toml(&text(name)).unwrap();
             assert_eq!(read(strut), read(name));

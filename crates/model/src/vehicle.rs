@@ -18,6 +18,7 @@ mod tyre_file;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
+use sample::Mounting;
 use serde::{Deserialize, Serialize};
 
 use crate::tolerances::VehicleTolerances;
@@ -378,6 +379,18 @@ impl Axle {
         ]
         .into_iter()
         .filter_map(|(name, is_given)| is_given.then_some(name))
+    }
+
+    /// What carries its wheels, where strain channels have other names.
+    #[must_use]
+    pub fn mounting(&self) -> Option<Mounting> {
+        [
+            (Mounting::Strut, self.macpherson.is_some()),
+            (Mounting::TrailingArm, self.trailing_arm.is_some()),
+            (Mounting::SolidAxle, self.is_solid()),
+        ]
+        .into_iter()
+        .find_map(|(mounting, is_given)| is_given.then_some(mounting))
     }
 
     /// The solid axle on its links, or on links that guide it as its leaf springs do.

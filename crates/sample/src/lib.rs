@@ -39,7 +39,7 @@ pub use limits::{Limit, LimitedBy, Limits, LimitsUnknown};
 pub use measurement::{
     Attitude, ControlSample, CornerSample, Counts, DeviceTime, FixQuality, GnssAttitude,
     GnssPosition, GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, Measurement,
-    Sample, Signal, SignalFrame, SteerSample, StrainChannel, WheelSpeedSample,
+    Mounting, Sample, Signal, SignalFrame, SteerSample, StrainChannel, WheelSpeedSample,
 };
 pub use road::{Road, RoadPlane, RoadRoughness, RoadUnknown, road_class};
 pub use stamp::{LogTime, NANOS_PER_SECOND};

@@ -189,28 +189,80 @@ pub struct Attitude {
     pub yaw_rad: f64,
 }
 
-/// The strain channels of one corner, in the order of [`CornerSample::strain_counts`].
+/// What carries a wheel, where strain channels do not measure the members of a double wishbone or five links.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mounting {
+    /// MacPherson strut.
+    Strut,
+    /// Trailing or semi-trailing arm on two bushings.
+    TrailingArm,
+    /// Solid axle.
+    SolidAxle,
+    /// Wheel-force transducer.
+    Transducer,
+}
+
+/// Names of channels that measure something else than on a double wishbone.
+const OTHER_NAMES: [(Mounting, StrainChannel, &str); 15] = {
+    use Mounting::{SolidAxle, Strut, TrailingArm, Transducer};
+    use StrainChannel::{
+        LowerFront, LowerFrontBending, LowerRear, LowerRearBending, TieRod, UpperFront, UpperRear,
+    };
+    [
+        (Strut, UpperFront, "strut_side_x"),
+        (Strut, UpperRear, "strut_side_y"),
+        (TrailingArm, UpperFront, "outer_bushing_x"),
+        (TrailingArm, UpperRear, "outer_bushing_z"),
+        (TrailingArm, LowerFront, "inner_bushing_x"),
+        (TrailingArm, LowerRear, "inner_bushing_z"),
+        (TrailingArm, TieRod, "bushing_axial"),
+        (SolidAxle, UpperFront, "upper_link"),
+        (SolidAxle, LowerFront, "lower_link"),
+        (SolidAxle, TieRod, "panhard_rod"),
+        (SolidAxle, LowerFrontBending, "tube_bending_x"),
+        (SolidAxle, LowerRearBending, "tube_bending_z"),
+        (Transducer, UpperFront, "force_x"),
+        (Transducer, UpperRear, "force_y"),
+        (Transducer, LowerFront, "force_z"),
+    ]
+};
+
+/// The strain channels of one corner, in the order of [`CornerSample::strain_counts`]. The comments have the members of
+/// a double wishbone, and then what the channel measures elsewhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StrainChannel {
     /// Axial, front tube of the upper arm. MacPherson strut: force of the body on the top of the strut
-    /// forwards, by the bending of its tube. Wheel-force transducer: F_x.
-    #[serde(alias = "strut_side_x", alias = "force_x")]
+    /// forwards, by the bending of its tube. Trailing arm: force of the outer bushing, forwards. Solid axle: upper link.
+    /// Wheel-force transducer: F_x.
+    #[serde(
+        alias = "strut_side_x",
+        alias = "outer_bushing_x",
+        alias = "upper_link",
+        alias = "force_x"
+    )]
     UpperFront,
     /// Axial, rear tube of the upper arm. MacPherson strut: force of the body on the top of the strut to
-    /// the left, by the bending of its tube. Wheel-force transducer: F_y.
-    #[serde(alias = "strut_side_y", alias = "force_y")]
+    /// the left, by the bending of its tube. Trailing arm: force of the outer bushing, upwards. Wheel-force transducer:
+    /// F_y.
+    #[serde(alias = "strut_side_y", alias = "outer_bushing_z", alias = "force_y")]
     UpperRear,
-    /// Axial, front tube of the lower arm. Wheel-force transducer: F_z.
-    #[serde(alias = "force_z")]
+    /// Axial, front tube of the lower arm. Trailing arm: force of the inner bushing, forwards. Solid axle: lower link.
+    /// Wheel-force transducer: F_z.
+    #[serde(alias = "inner_bushing_x", alias = "lower_link", alias = "force_z")]
     LowerFront,
-    /// Axial, rear tube of the lower arm.
+    /// Axial, rear tube of the lower arm. Trailing arm: force of the inner bushing, upwards.
+    #[serde(alias = "inner_bushing_z")]
     LowerRear,
-    /// Axial, steering tie rod (rear axle: toe link).
+    /// Axial, steering tie rod (rear axle: toe link). Trailing arm: force of both bushings along their line. Solid axle,
+    /// left wheel: Panhard rod.
+    #[serde(alias = "bushing_axial", alias = "panhard_rod")]
     TieRod,
-    /// Bending, front tube of the lower arm.
+    /// Bending, front tube of the lower arm. Solid axle: bending of the tube about the x axis.
+    #[serde(alias = "tube_bending_x")]
     LowerFrontBending,
-    /// Bending, rear tube of the lower arm.
+    /// Bending, rear tube of the lower arm. Solid axle: bending of the tube about the z axis.
+    #[serde(alias = "tube_bending_z")]
     LowerRearBending,
 }
 
@@ -249,39 +301,24 @@ impl StrainChannel {
         }
     }
 
-    /// Second name of a channel that measures another force on a MacPherson strut than on a double
-    /// wishbone.
-    #[must_use]
-    pub const fn strut_name(self) -> Option<&'static str> {
-        match self {
-            Self::UpperFront => Some("strut_side_x"),
-            Self::UpperRear => Some("strut_side_y"),
-            _ => None,
-        }
+    /// Names of the channel beside [`StrainChannel::name`].
+    pub fn other_names(self) -> impl Iterator<Item = &'static str> {
+        let own = OTHER_NAMES.iter().filter(move |(_, of, _)| *of == self);
+        own.map(|(_, _, name)| *name)
     }
 
-    /// Name of a channel that carries a force of a wheel-force transducer.
+    /// Name of the channel on what carries a wheel.
     #[must_use]
-    pub const fn transducer_name(self) -> Option<&'static str> {
-        match self {
-            Self::UpperFront => Some("force_x"),
-            Self::UpperRear => Some("force_y"),
-            Self::LowerFront => Some("force_z"),
-            _ => None,
-        }
+    pub fn name_on(self, mounting: Option<Mounting>) -> &'static str {
+        let mut names = OTHER_NAMES.iter();
+        let other = names.find(|(on, of, _)| Some(*on) == mounting && *of == self);
+        other.map_or(self.name(), |(_, _, name)| *name)
     }
 
-    /// The channel with this name, or with this name on a MacPherson strut or of a wheel-force transducer.
+    /// The channel with one of its names.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|channel| {
-            let names = [
-                Some(channel.name()),
-                channel.strut_name(),
-                channel.transducer_name(),
-            ];
-            names.contains(&Some(name))
-        })
+        (Self::ALL.into_iter()).find(|of| of.name() == name || of.other_names().any(|n| n == name))
     }
 }
 

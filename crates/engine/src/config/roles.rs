@@ -301,8 +301,7 @@ fn read_strain(
     let corner = wheel.abbreviation();
     for channel in StrainChannel::ALL {
         let field = channels.optional::<String>(channel.name(), collector);
-        let names = [channel.strut_name(), channel.transducer_name()];
-        let field = names.into_iter().flatten().fold(field, |field, name| {
+        let field = channel.other_names().fold(field, |field, name| {
             or_named(&mut channels, name, field, collector)
         });
         let load = match is_bending(channel) {

@@ -216,7 +216,7 @@ impl LoadRig {
             y_label: "counts from the zero".to_owned(),
             series: Vec::new(),
         };
-        let is_strut = vehicle.axle(wheel).macpherson.is_some();
+        let mounting = vehicle.axle(wheel).mounting();
         for channel in StrainChannel::ALL {
             let i = channel.index();
             let read: Vec<(usize, [f64; 2])> = rows
@@ -243,7 +243,7 @@ impl LoadRig {
                 wheel,
                 channel,
                 kind,
-                is_strut,
+                mounting,
             }));
             let sign = if fault == Some(WiringKind::Inverted) {
                 -1.0
@@ -289,7 +289,7 @@ impl LoadRig {
         self.faults.push(WiringFault {
             wheel,
             channel,
-            is_strut: vehicle.axle(wheel).macpherson.is_some(),
+            mounting: vehicle.axle(wheel).mounting(),
             kind: if sometimes {
                 WiringKind::OutOfRange
             } else {

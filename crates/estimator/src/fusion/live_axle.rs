@@ -92,6 +92,17 @@ pub(super) struct AxleForms {
     has_section: bool,
 }
 
+impl AxleForms {
+    /// Whether the readings measure the forces: of the links, or of both tubes where there are none.
+    fn is_strained(&self, measured: &[CornerMeasurements; 2]) -> bool {
+        if self.has_links {
+            measured.iter().map(|m| m.alive).sum::<usize>() >= STRAINED
+        } else {
+            measured.iter().all(|m| m.is_split)
+        }
+    }
+}
+
 /// How the forms of a live axle depend on the tyres.
 struct Tyres {
     /// Arms from the wheel centres to the contact points, wheel-carrier frame, m.
@@ -422,11 +433,7 @@ impl Fusion {
             Some(k) => right.get(k).copied().unwrap_or(SELF_STRESS),
         }));
         let measured = [0, 1].map(|side| self.measure_axle(input, axle, side, readings, &mut rows));
-        let strained = if axle.has_links {
-            measured.iter().map(|m| m.alive).sum::<usize>() >= STRAINED
-        } else {
-            measured.iter().all(|m| m.is_split)
-        };
+        let strained = axle.is_strained(&measured);
         let mut joint = self.covariance.project(&rows, &self.state);
         let mut measured = measured;
         for (side, of_wheel) in measured.iter_mut().enumerate() {

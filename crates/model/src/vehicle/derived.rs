@@ -37,13 +37,10 @@ impl Tyre {
 }
 
 impl Vehicle {
-    /// Name of a strain channel in messages: on a MacPherson strut, that of what it measures there.
+    /// Name of a strain channel in messages: that of what it measures on the suspension of this wheel.
     #[must_use]
     pub fn channel_name(&self, wheel: Wheel, channel: StrainChannel) -> &'static str {
-        let strut = self.axle(wheel).macpherson.as_ref();
-        strut
-            .and(channel.strut_name())
-            .unwrap_or_else(|| channel.name())
+        channel.name_on(self.axle(wheel).mounting())
     }
 
     /// Wheelbase L = a + b, m.

@@ -48,7 +48,7 @@ const UPPER: &[&str] = &["upper", "upr", "top"];
 const LOWER: &[&str] = &["lower", "lwr", "low", "bottom"];
 
 /// Strain channels; bending before axial, which has fewer words.
-const CHANNELS: [Value; 12] = [
+const CHANNELS: [Value; 17] = [
     ("lower_front_bending", &[LOWER, &["front"], &["bending"]]),
     ("lower_rear_bending", &[LOWER, &["rear"], &["bending"]]),
     ("lower_front_bending", &[&["bending"], LOWER, &["front"]]),
@@ -59,6 +59,11 @@ const CHANNELS: [Value; 12] = [
     ("upper_rear", &[UPPER, &["rear"]]),
     ("lower_front", &[LOWER, &["front"]]),
     ("lower_rear", &[LOWER, &["rear"]]),
+    ("tube_bending_x", &[&["tube"], &["bending"], &["x"]]),
+    ("tube_bending_z", &[&["tube"], &["bending"], &["z"]]),
+    ("upper_link", &[UPPER, &["link"]]),
+    ("lower_link", &[LOWER, &["link"]]),
+    ("panhard_rod", &[&["panhard"]]),
     ("tie_rod", &[&["tie"], &["rod"]]),
     ("tie_rod", &[&["toe"], &["link"]]),
 ];

@@ -250,15 +250,18 @@ fn a_signal_has_one_role_and_a_measurement_all_of_its_parts() {
     assert!(error.contains("no DBC file has a message \"N\""), "{error}");
 }
 
-/// The bridges of a MacPherson strut's tube have names of their own beside those of an upper arm.
+/// Channels of other suspensions have names of their own beside those of a double wishbone.
 #[test]
-fn the_bridges_of_a_strut_have_two_names() {
+fn channels_of_other_suspensions_have_two_names() {
     let fr = Wheel::FrontRight;
     for (name, channel) in [
         ("strut_side_x", StrainChannel::UpperFront),
         ("upper_front", StrainChannel::UpperFront),
         ("strut_side_y", StrainChannel::UpperRear),
         ("upper_rear", StrainChannel::UpperRear),
+        ("outer_bushing_z", StrainChannel::UpperRear),
+        ("lower_link", StrainChannel::LowerFront),
+        ("panhard_rod", StrainChannel::TieRod),
     ] {
         let table = format!("strain.FR.{name} = \"M.s0\"");
         let found = roles(&["count"], &table, "").expect(name);

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use sample::{StrainChannel, Wheel};
+use sample::{Mounting, StrainChannel, Wheel};
 
 /// Something wrong with a channel's wiring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,8 +13,8 @@ pub struct WiringFault {
     pub channel: StrainChannel,
     /// What it is.
     pub kind: WiringKind,
-    /// Whether the corner has a MacPherson strut, on which channels have other names.
-    pub is_strut: bool,
+    /// What carries the wheel, where channels have other names.
+    pub mounting: Option<Mounting>,
 }
 
 /// What is wrong with a channel's wiring.
@@ -38,10 +38,7 @@ pub enum WiringKind {
 
 impl fmt::Display for WiringFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = |channel: StrainChannel| match channel.strut_name() {
-            Some(name) if self.is_strut => name,
-            _ => channel.name(),
-        };
+        let name = |channel: StrainChannel| channel.name_on(self.mounting);
         write!(f, "{} {} ", self.wheel, name(self.channel))?;
         match self.kind {
             WiringKind::Inverted => write!(

@@ -290,7 +290,7 @@ impl LoadRig {
                     wheel,
                     channel,
                     kind,
-                    is_strut: false,
+                    mounting: None,
                 });
                 continue;
             }
