@@ -12,7 +12,8 @@
 //! | v = s u | unit of the receiver's velocity or of the wheels; the next relation tells which |
 //! | f = s c v, f = s c u | unit of this speed |
 //!
-//! The factors s are those of least squares. The course does not depend on the unit of the velocity. Without a receiver
+//! The factors s are those of least squares. A wrong unit is wrong from the beginning: where some windows agree with
+//! s = 1, a sensor is faulty. The units of gyros and attitude are right where w and h agree. The course does not depend on the unit of the velocity. Without a receiver
 //! of velocity, f/u takes the place of c.
 
 use std::f64::consts::PI;
@@ -154,10 +155,15 @@ struct Relation {
     xy: f64,
     yy: f64,
     count: u32,
+    /// Windows that agree with s = 1.
+    agreeing: u32,
 }
 
 impl Relation {
-    fn add(&mut self, x: f64, y: f64) {
+    fn add(&mut self, x: f64, y: f64, t: &UnitTuning) {
+        let ratio = y / x;
+        let agrees = ratio > 0.0 && math::ln(ratio).abs() < t.roughly;
+        self.agreeing += u32::from(agrees);
         self.xx += x * x;
         self.xy += x * y;
         self.yy += y * y;
@@ -170,6 +176,12 @@ impl Relation {
         let correlation = self.xy / (self.xx * self.yy).sqrt();
         let is_known = self.count >= t.windows && correlation > t.correlation_min;
         (is_known && factor > 0.0).then_some(factor)
+    }
+
+    /// The factor, if it can be that of a wrong unit.
+    fn wrong_factor(&self, t: &UnitTuning) -> Option<f64> {
+        let may_be_wrong = f64::from(self.agreeing) < t.agreeing_max * f64::from(self.count);
+        self.factor(t).filter(|_| may_be_wrong)
     }
 
     /// Whether the factor is 1, as far as the relation holds.
@@ -205,6 +217,8 @@ pub(crate) struct UnitWatch {
     course: Turning,
     rates: Relation,
     headings: Relation,
+    /// Rate of the heading against that of the gyros.
+    turns: Relation,
     speeds: Relation,
     by_receiver: Relation,
     by_wheels: Relation,
@@ -230,6 +244,7 @@ impl UnitWatch {
             course: Turning::default(),
             rates: Relation::default(),
             headings: Relation::default(),
+            turns: Relation::default(),
             speeds: Relation::default(),
             by_receiver: Relation::default(),
             by_wheels: Relation::default(),
@@ -302,7 +317,7 @@ impl UnitWatch {
             return;
         }
         if let (Some(receiver), Some(wheels)) = (receiver, wheels) {
-            self.speeds.add(wheels, receiver);
+            self.speeds.add(wheels, receiver, &t);
         }
         let turning = if receiver.is_some() {
             course
@@ -313,14 +328,17 @@ impl UnitWatch {
             return;
         };
         if let Some(rate) = rate {
-            self.rates.add(turning, rate);
+            self.rates.add(turning, rate, &t);
         }
         if let Some(heading) = heading {
-            self.headings.add(turning, heading);
+            self.headings.add(turning, heading, &t);
+        }
+        if let (Some(rate), Some(heading)) = (rate, heading) {
+            self.turns.add(rate, heading, &t);
         }
         if let (Some(lateral), Some(receiver), Some(wheels)) = (lateral, receiver, wheels) {
-            self.by_receiver.add(turning * receiver, lateral);
-            self.by_wheels.add(turning * wheels, lateral);
+            self.by_receiver.add(turning * receiver, lateral, &t);
+            self.by_wheels.add(turning * wheels, lateral, &t);
         }
     }
 
@@ -348,7 +366,7 @@ impl UnitWatch {
             (Quantity::Attitude, self.headings, self.rates),
         ];
         let is_long = self.speeds.count >= t.speed_windows;
-        let ratio = self.speeds.factor(&t).filter(|_| is_long);
+        let ratio = self.speeds.wrong_factor(&t).filter(|_| is_long);
         let speeds = [
             (Quantity::Velocity, ratio, self.by_wheels),
             (
@@ -359,9 +377,10 @@ impl UnitWatch {
         ];
         // Both off by the same factor: then it is the course.
         let by_angles = angles.into_iter().find_map(|(quantity, own, other)| {
-            let is_alone = other.count < t.windows || other.is_one(&t);
-            own.factor(&t)
-                .filter(|_| is_alone)
+            let is_long = own.count >= t.alone_windows;
+            let is_alone = other.is_one(&t) || other.count < t.windows && is_long;
+            own.wrong_factor(&t)
+                .filter(|_| is_alone && !self.turns.is_one(&t))
                 .and_then(|ratio| quantity.wrong(ratio, t.near[0]))
         });
         let found = by_angles.or_else(|| {

@@ -19,12 +19,17 @@ tuning! {
         windows: u32 = 4, "1";
         /// The same of the speeds: wheels that spin read too much for a while.
         speed_windows: u32 = 12, "1";
+        /// The same of gyros without the attitude of a receiver, and of the attitude without gyros: a faulty velocity has
+        /// a wrong course.
+        alone_windows: u32 = 20, "1";
         /// Correlation that it needs. Biases and noise of gyros leave 0.6 where the readings are 57 times too small.
         correlation_min: f64 = 0.5, "1";
         /// Difference of the logarithm of a factor from that of 1, by sideslip, roll and slopes.
         roughly: f64 = 0.5, "1";
         /// The same from that of a unit: of rates, by sideslip, and of speeds, by slip of the tyres.
         near: [f64; 2] = [0.3, 0.2], "1, 1";
+        /// Part of the windows that agree with 1 from which the unit is right.
+        agreeing_max: f64 = 0.25, "1";
         /// Largest difference of two headings within a window.
         turn_max: f64 = 100.0, "rad";
     }

@@ -73,6 +73,21 @@ fn a_fault_that_begins_is_no_mistake_of_the_configuration() {
     );
 }
 
+/// Spikes of one wheel speed, taken for a wrong unit, made the wheels nine times as quick and gave a force of 848 kN; the
+/// swapped velocities of a receiver gave another unit of its attitude.
+#[test]
+fn a_faulty_speed_is_no_wrong_unit() {
+    let Some(outcomes) = campaign(&ROUGH, &[334, 436, 447, 531]) else {
+        return;
+    };
+    judge_all(&outcomes);
+    assert!(
+        outcomes
+            .iter()
+            .all(|outcome| !outcome.late && outcome.resets == 0)
+    );
+}
+
 /// Steering wheels and angles of the receiver that are frozen or dead while they are right: only their missing noise
 /// shows it.
 #[test]
