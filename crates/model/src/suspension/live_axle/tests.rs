@@ -160,7 +160,7 @@ fn seats_on_leaf_springs_follow_arcs() {
         let ahead_m = 0.45 - (0.45_f64.powi(2) - up_m * up_m).sqrt();
         let above_m = design_m - up_m;
         let pose = axle
-            .pose([above_m.hypot(ahead_m); 2])
+            .pose([math::hypot(above_m, ahead_m); 2])
             .expect("within reach");
         let moved = pose.point_m(seat) - design.point_m(seat);
         assert!((moved.z - up_m).abs() < 1e-4, "{moved}");
