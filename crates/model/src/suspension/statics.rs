@@ -10,7 +10,7 @@
 //! force. The strut acts on the upright, and the force along the lower arm's normal is that of its weight and
 //! inertia alone.
 //!
-//! Five links and a strut are six forces ([`links`]). The bushings of a trailing arm hold it by five, which take the
+//! Five links and a strut are six forces (`links.rs`). The bushings of a trailing arm hold it by five, which take the
 //! place of the links' forces.
 //!
 //! w = G c + g, with the wrench w = (F, M) that the ground exerts on the tyre, in the tyre's

@@ -13,7 +13,7 @@
 //! until it has this distance.
 //!
 //! A trailing arm carries the wheel itself: it turns about its bushings until the strut has the wanted length. Five
-//! links have no closed form ([`links`]).
+//! links have no closed form (`links.rs`).
 
 mod circle;
 mod links;
