@@ -160,4 +160,29 @@ mod tests {
         );
         assert_eq!(limits_of(bus), [""; 0]);
     }
+
+    #[test]
+    fn leaf_springs_without_gauges_on_the_tubes_are_told() {
+        let second = Vehicle::builtin_text("second-vehicle").expect("built in");
+        let (before, rest) = second.split_once("[rear.live_axle]").expect("a table");
+        let (_, after) = rest.split_once("[rear.tyre]").expect("a table");
+        let leaf = include_str!("../../../testdata/leaf-axle.toml");
+        let after = after.replace("rear.live_axle", "rear.leaf_axle");
+        let directory = tempfile::tempdir().expect("a directory");
+        let told = |leaf: &str| {
+            let text = format!("{before}{leaf}\n[rear.tyre]{after}");
+            std::fs::write(directory.path().join("leaf.toml"), text).expect("written");
+            let text = "[source.can0]\nkind = \"can\"\ninterface = \"can0\"\n[vehicle]\nfile = \"leaf.toml\"\n";
+            limits(&Config::from_text(text, directory.path()).expect("a configuration"))
+        };
+        assert_eq!(told(leaf), [""; 0]);
+        let is_of_tubes = |line: &&str| {
+            let names = ["section_y_m", "end_mass_kg", "end_cg_m"];
+            names.iter().any(|name| line.starts_with(name))
+        };
+        let without: Vec<&str> = leaf.lines().filter(|line| !is_of_tubes(line)).collect();
+        let lines = told(&without.join("\n"));
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(lines[0].contains("section_y_m"), "{lines:?}");
+    }
 }

@@ -13,8 +13,8 @@
 //! | f = s c v, f = s c u | unit of this speed |
 //!
 //! The factors s are those of least squares. A wrong unit is wrong from the beginning: where some windows agree with
-//! s = 1, a sensor is faulty. The units of gyros and attitude are right where w and h agree. The course does not depend on the unit of the velocity. Without a receiver
-//! of velocity, f/u takes the place of c.
+//! s = 1, a sensor is faulty. The units of gyros and attitude are right where w and h agree. The course does not depend
+//! on the unit of the velocity. Without a receiver of velocity, f/u takes the place of c.
 
 use std::f64::consts::PI;
 

@@ -306,17 +306,10 @@ fn a_vehicle_with_a_live_axle_has_forces_from_its_links() {
 fn a_vehicle_on_leaf_springs_has_forces_from_its_axle_tubes() {
     let text = Vehicle::builtin_text("second-vehicle").expect("ships with the project");
     let (before, rest) = text.split_once("[rear.live_axle]\n").expect("a live axle");
-    let (live, after) = rest.split_once("\n[").expect("a table");
-    let is_kept = |line: &&str| {
-        let name = line.split(' ').next().unwrap_or_default();
-        !name.contains("link") && !name.contains("panhard") && name != "spring_axle_m"
-    };
-    let kept: Vec<&str> = live.lines().filter(is_kept).collect();
-    let leaf = format!(
-        "{before}[rear.leaf_axle]\nseat_m = [0.0, 0.46, 0.43]\neye_body_m = [0.6, 0.46, 0.43]\n{}\n\n[{}",
-        kept.join("\n"),
-        after.replace("rear.live_axle", "rear.leaf_axle")
-    );
+    let (_, after) = rest.split_once("\n[").expect("a table");
+    let axle = include_str!("../../../../testdata/leaf-axle.toml");
+    let after = after.replace("rear.live_axle", "rear.leaf_axle");
+    let leaf = format!("{before}{axle}\n[{after}");
     let directory = tempfile::tempdir().expect("a directory");
     let file = directory.path().join("on-leaves.toml");
     std::fs::write(&file, leaf).expect("a vehicle file");

@@ -566,6 +566,30 @@ mod tests {
     }
 
     #[test]
+    fn points_of_leaf_springs_must_fit_the_axle() {
+        let second = Vehicle::builtin_text("second-vehicle").unwrap();
+        let (start, end) = (
+            second.find("[rear.live_axle]").unwrap(),
+            second.find("[rear.tyre]").unwrap(),
+        );
+        let leaf = include_str!("../../../../testdata/leaf-axle.toml");
+        let sources = second[end..].replace("rear.live_axle", "rear.leaf_axle");
+        let text = format!("{}{leaf}\n{sources}", &second[..start]);
+        assert!(errors_of(&text).is_ok());
+        for (from, to, field) in [
+            ("seat_m = [0.0, 0.46", "seat_m = [0.0, -0.46", "seat_m"),
+            ("0.455, 0.705]", "0.455, 0.405]", "spring_body_m"),
+            ("section_y_m = 0.585", "section_y_m = 0.785", "section_y_m"),
+            ("eye_body_m", "radius_part = 2.0\neye_body_m", "radius_part"),
+        ] {
+            let errors = errors_of(&text.replace(from, to)).unwrap_err();
+            assert_eq!(fields(&errors), [format!("rear.leaf_axle.{field}")]);
+        }
+        let both = format!("{text}\n{}", &second[start..end]);
+        assert_eq!(fields(&errors_of(&both).unwrap_err()), ["rear.leaf_axle"]);
+    }
+
+    #[test]
     fn a_sprung_part_must_fit_the_whole() {
         let sprung = |x: f64| {
             errors_of(&Vehicle::builtin_text("prowler").unwrap().replace(
