@@ -53,6 +53,20 @@ pub struct Judged {
     pub sigma: [f64; MOST],
 }
 
+impl Judged {
+    /// More than one mistake: the residuals are `factor` times as large as they should be.
+    fn several(ratio: f64, factor: f64) -> Self {
+        let mut value = [0.0; MOST];
+        value[0] = factor;
+        Self {
+            hypothesis: Hypothesis::Several,
+            ratio,
+            value,
+            sigma: [0.0; MOST],
+        }
+    }
+}
+
 /// The evidence of a drive.
 #[derive(Clone, Debug)]
 pub struct Mistakes {
@@ -76,6 +90,11 @@ impl Mistakes {
             agreeing: 0,
             driven: Driven::default(),
         }
+    }
+
+    /// Makes the standard deviations contain errors of `factor` times the tolerances, from now on.
+    pub fn doubt(&mut self, factor: f64) {
+        self.evidence.doubt(factor);
     }
 
     /// Begins again, for a configuration that was corrected.
@@ -181,7 +200,16 @@ impl Mistakes {
         }
         let next = self.judged.get(1);
         let next = next.map_or(f64::NEG_INFINITY, |next| next.ratio);
-        (best.ratio > t.report_ratio && best.ratio - next > t.lead_ratio).then_some(*best)
+        if best.ratio < t.report_ratio || best.ratio - next < t.lead_ratio {
+            return None;
+        }
+        let [before, left] = [0.0, best.ratio].map(|ratio| self.evidence.left(ratio));
+        if left < t.left_square.max(t.left_part * before) {
+            return Some(*best);
+        }
+        // A second mistake may be among the first windows only.
+        (self.evidence.windows >= t.several_windows)
+            .then(|| Judged::several(best.ratio, before.sqrt()))
     }
 
     /// Weighs all hypotheses.
@@ -189,11 +217,21 @@ impl Mistakes {
         self.judged.clear();
         if self.evidence.update().is_some() {
             for hypothesis in hypotheses::all() {
-                self.judged.extend(self.weigh(hypothesis));
+                let judged = self.weigh(hypothesis);
+                self.judged
+                    .extend(judged.filter(|judged| self.is_possible(judged)));
             }
         }
         self.judged
             .sort_unstable_by(|a, b| b.ratio.total_cmp(&a.ratio));
+    }
+
+    /// Whether a vehicle with this mistake stands on its wheels.
+    fn is_possible(&self, judged: &Judged) -> bool {
+        let setup = &self.evidence.setup;
+        let mut loads = setup.static_n.iter().zip(&setup.weight_n);
+        judged.hypothesis != Hypothesis::Payload
+            || loads.all(|(own_n, added)| own_n + linear::dot(added, &judged.value[..3]) > 0.0)
     }
 
     /// Ratio of likelihoods of a hypothesis, with all other parameters integrated out.

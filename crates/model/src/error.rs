@@ -1,3 +1,5 @@
+use sample::Wheel;
+
 use crate::file::FileErrors;
 use crate::suspension::SuspensionError;
 
@@ -26,6 +28,21 @@ pub enum Error {
         name: String,
         /// What there is.
         known: String,
+    },
+    /// Payloads move the centre of gravity past the wheels.
+    #[error(
+        "with {payloads} on it, vehicle {vehicle:?} does not stand: the static load of {wheel} is \
+         {load_n:.0} N; check mass_kg and position_m of the payload"
+    )]
+    NotStanding {
+        /// The vehicle's name.
+        vehicle: String,
+        /// The payloads that are on.
+        payloads: String,
+        /// A wheel that lifts.
+        wheel: Wheel,
+        /// Its static load, N.
+        load_n: f64,
     },
     /// An argument is not finite or lies outside of its range.
     #[error("{argument} = {value} {unit}: must be {expected}")]

@@ -5,7 +5,7 @@ mod events;
 use std::sync::Arc;
 
 use model::sensors::Sensors;
-use model::vehicle::{Payload, Vehicle};
+use model::vehicle::{MassProperties, Payload, Vehicle};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sample::{CornerSample, Event, LogTime, StrainChannel, Wheel};
 
@@ -331,6 +331,10 @@ impl Estimator {
             };
             watch.found.push((found, described));
             watch.ended |= !corrected;
+            if judged.hypothesis == Hypothesis::Several {
+                Arc::make_mut(&mut watch.evidence).doubt(judged.value[0]);
+                return;
+            }
         }
         self.begin_again();
     }
@@ -427,7 +431,10 @@ impl Estimator {
                 self.mistakes.as_mut()?.scale *= factor;
                 self.motion.begin_again();
             }
-            Hypothesis::Hitched | Hypothesis::Offset(_) | Hypothesis::Strut(_) => return None,
+            Hypothesis::Hitched
+            | Hypothesis::Offset(_)
+            | Hypothesis::Strut(_)
+            | Hypothesis::Several => return None,
         }
         Some(())
     }
@@ -461,22 +468,46 @@ impl Estimator {
         self.motion.place(c.imu_m, antennas);
     }
 
-    /// Puts the load on the vehicle that the drive has shown.
+    /// Puts the load on the vehicle that the drive has shown, beside what it has shown before.
     fn add_payload(&mut self, judged: &Judged) -> Option<()> {
         let body = &self.vehicle.body;
-        let mass_kg = judged.value[0];
-        let [x, y, z] = [1, 2, 3].map(|i| judged.value[i] / mass_kg);
-        self.unloaded.payload.push(Payload {
-            name: FOUND_PAYLOAD.to_owned(),
+        let [mass_kg, moments @ ..] = [0, 1, 2, 3].map(|i| judged.value[i]);
+        let [x, y, z] = moments.map(|moment| moment / mass_kg);
+        let new = MassProperties {
             mass_kg,
-            position_m: [
+            cg_m: [
                 x - body.front_axle_to_cg_m,
                 y + body.cg_y_m,
                 (z + body.cg_height_m).max(0.0),
             ],
+            moments_kg_m2: [0.0; 3],
+            products_kg_m2: [0.0; 3],
+        };
+        let before = self.unloaded.payload.clone();
+        let payloads = &mut self.unloaded.payload;
+        let known = payloads
+            .iter()
+            .position(|payload| payload.name == FOUND_PAYLOAD);
+        let all = match known {
+            Some(k) => new.with(&payloads.remove(k).mass_properties()),
+            None => new,
+        };
+        payloads.push(Payload {
+            name: FOUND_PAYLOAD.to_owned(),
+            mass_kg: all.mass_kg,
+            position_m: all.cg_m,
             inertia_kg_m2: [0.0; 3],
         });
-        self.set_payload(FOUND_PAYLOAD, true).ok()
+        let mut names = self.payload.clone();
+        if known.is_none() {
+            names.push(FOUND_PAYLOAD.to_owned());
+            names.sort();
+        }
+        let put = self.put_on(names);
+        if put.is_err() {
+            self.unloaded.payload = before;
+        }
+        put.ok()
     }
 
     /// Starts the force filter and the search again after a correction.

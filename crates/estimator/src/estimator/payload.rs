@@ -17,7 +17,7 @@ impl Estimator {
     /// nothing.
     ///
     /// # Errors
-    /// A name that the vehicle file does not have.
+    /// A name that the vehicle file does not have, or a payload with which a wheel lifts at rest.
     pub fn set_payload(&mut self, name: &str, on: bool) -> Result<(), EstimatorError> {
         let mut names = self.payload.clone();
         names.retain(|known| known != name);
@@ -31,6 +31,11 @@ impl Estimator {
         if names == self.payload {
             return Ok(());
         }
+        self.put_on(names)
+    }
+
+    /// Puts these payloads on the vehicle, and takes all others off it.
+    pub(super) fn put_on(&mut self, names: Vec<String>) -> Result<(), EstimatorError> {
         let Loaded {
             vehicle,
             cg_shift_m,

@@ -6,7 +6,7 @@
 //! struts are taken from the filter, which has them from the potentiometers.
 
 use nalgebra::{Matrix3, Vector3};
-use sample::StrainChannel;
+use sample::{StrainChannel, Wheel};
 
 use super::forms::corner_states;
 use super::inertial::Sum;
@@ -318,8 +318,17 @@ impl Fusion {
             let (wheel, channel) = channel_of(at);
             calibration.corners.0[wheel].strain[channel.index()]
         };
+        let added = |wheel: Wheel| {
+            let at = |ahead_m: f64, left_m: f64| {
+                vehicle.weight_on_n(wheel, 1.0, [ahead_m, body.cg_y_m + left_m])
+            };
+            let here = at(0.0, 0.0);
+            [here, at(1.0, 0.0) - here, at(0.0, 1.0) - here]
+        };
         Setup {
             mass_kg: self.body.mass_kg,
+            static_n: Wheel::ALL.map(|wheel| vehicle.static_load_n(wheel)),
+            weight_n: Wheel::ALL.map(added),
             load_n: self.body.static_load.iter().sum::<f64>() / 4.0,
             inverse: self.body.inverse,
             imu_m: calibration.imu_m,

@@ -27,6 +27,11 @@ pub struct Setup {
     pub mass_kg: f64,
     /// Mean static load of the wheels, N.
     pub load_n: f64,
+    /// Static load of each wheel, N.
+    pub static_n: [f64; 4],
+    /// What is added to it by a mass at the centre of gravity, N/kg, and by its first moments forward and
+    /// left of there, N/(kg m).
+    pub weight_n: [[f64; 3]; 4],
     /// Inverse of the inertia, 1/(kg m^2).
     pub inverse: Matrix3<f64>,
     /// Inertial unit from the centre of gravity, m.
@@ -99,6 +104,9 @@ pub(super) struct Evidence {
     /// Bias of the accelerometers that the motion filter has learnt, and its standard deviation, m/s^2.
     learnt_bias: [Vector3<f64>; 2],
     pub(super) windows: u32,
+    /// Sums over the rows: weights, and weighted squares of the values.
+    weights: f64,
+    squares: f64,
 }
 
 impl Evidence {
@@ -121,6 +129,8 @@ impl Evidence {
             considered,
             learnt_bias: [Vector3::zeros(), Vector3::repeat(f64::INFINITY)],
             windows: 0,
+            weights: 0.0,
+            squares: 0.0,
         }
     }
 
@@ -143,7 +153,9 @@ impl Evidence {
         }
         for (row, value) in self.gains.chunks_exact(SIZE).zip(value) {
             self.information.add(row, value, weight);
+            self.squares += weight * value * value;
         }
+        self.weights += weight * ROWS as f64;
         self.take_fine(window, weight)?;
         self.learnt_bias = window.learnt_bias;
         self.windows += 1;
@@ -201,6 +213,11 @@ impl Evidence {
         if let Some(care) = care {
             self.considered.care = care;
         }
+    }
+
+    /// Sets the factor on the tolerances, unless it is larger.
+    pub(super) fn doubt(&mut self, factor: f64) {
+        self.considered.care = self.considered.care.max(factor);
     }
 
     /// Factor on the tolerances; 0 where all parameters are taken for exact.
@@ -373,6 +390,12 @@ impl Evidence {
         });
         let [[a, b], [c, d]] = parts;
         [a, b, c, d]
+    }
+
+    /// Mean square of the normalised residuals that a hypothesis leaves, if its likelihood has this ratio.
+    pub(super) fn left(&self, ratio: f64) -> f64 {
+        let tolerated = linear::dot(&self.mean, &self.information.vector[..TOLERATED]);
+        (self.squares - tolerated - 2.0 * ratio) / self.weights
     }
 
     /// Mean of a tolerated parameter.

@@ -38,6 +38,9 @@ pub enum Hypothesis {
     Hitched,
     /// The force of a strut is wrong: constant part, N, and relative error of the rate.
     Strut(usize),
+    /// More than one mistake. It is not weighed: it stands where the likeliest of the others leaves too much of the
+    /// contradiction. Parameter: how many times larger than they should be the residuals are.
+    Several,
 }
 
 /// Independent normal distributions of the parameters of a hypothesis before the drive.
@@ -141,6 +144,7 @@ impl Hypothesis {
                 parameters: std::array::from_fn(|i| [PRELOAD, RATE][i.min(1)] + wheel),
                 ..Prior::centred(PRELOAD, [t.preload_sigma * setup.load_n, t.rate_sigma])
             },
+            Self::Several => Prior::centred::<0>(0, []),
         }
     }
 }

@@ -171,6 +171,7 @@ impl Judged {
                 ),
                 "run `atvrec calibrate weight`, and check the spring in the vehicle file",
             ),
+            Hypothesis::Several => self.several_text(),
             // `of_channels` describes them.
             Hypothesis::Zeros
             | Hypothesis::Offset(_)
@@ -178,6 +179,19 @@ impl Judged {
             | Hypothesis::Exchanged(..)
             | Hypothesis::Corners(_) => (String::new(), String::new(), ""),
         }
+    }
+
+    fn several_text(&self) -> Words {
+        (
+            "configuration".to_owned(),
+            format!(
+                "more than one thing is wrong: the readings contradict the configuration by {:.0} times their errors, \
+                 and no mistake explains that alone",
+                self.value[0],
+            ),
+            "check wiring, order, signs and zeros of all strain channels, the mounting of the inertial unit, and what is \
+             loaded; then drive again",
+        )
     }
 
     fn payload_text(&self) -> Words {

@@ -19,7 +19,13 @@ tuning! {
         report_ratio: f64 = 14.0, "1";
         /// The same by which it must exceed that of every other mistake.
         lead_ratio: f64 = 5.0, "1";
-        /// The same from which channels are not blamed alone.
+        /// Mean square of the residuals that one mistake may leave.
+        left_square: f64 = 2.0, "1";
+        /// The same as a part of what the configuration leaves. Beyond both, more than one thing is wrong.
+        left_part: f64 = 0.3, "1";
+        /// Windows after which this is said.
+        several_windows: u32 = 20, "1";
+        /// Logarithm of the ratio of likelihoods from which channels are not blamed alone.
         suspect_ratio: f64 = 6.0, "1";
         /// Longest time for which channels are not blamed alone: at the beginning, and while a mistake is likely.
         hold_s: f64 = 40.0, "s";

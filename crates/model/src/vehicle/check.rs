@@ -257,6 +257,14 @@ fn product(table: &str, [roll, _, yaw]: [f64; 3], xz: f64, found: &mut Vec<Contr
 }
 
 fn topple(vehicle: &Vehicle, found: &mut Vec<Contradiction>) {
+    if let Some((wheel, load_n)) = vehicle.hanging_wheel() {
+        found.push((
+            "body.cg_y_m".into(),
+            vehicle.body.cg_y_m.to_string(),
+            format!("puts the centre of gravity past the wheels: the static load of {wheel} is {load_n:.0} N"),
+            "give the distance from the vehicle's middle, left is positive; check its unit".into(),
+        ));
+    }
     let stiffness = vehicle.front.roll_stiffness_n_m_rad + vehicle.rear.roll_stiffness_n_m_rad;
     let overturning =
         vehicle.sprung().mass_kg * sample::STANDARD_GRAVITY_M_S2 * vehicle.roll_arm_m();

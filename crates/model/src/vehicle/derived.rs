@@ -55,20 +55,33 @@ impl Vehicle {
     /// m g y K_phi/(t sum K_phi) to the left wheel of an axle and takes it off the right one.
     #[must_use]
     pub fn static_load_n(&self, wheel: Wheel) -> f64 {
+        self.weight_on_n(wheel, self.body.mass_kg, [0.0, self.body.cg_y_m])
+    }
+
+    /// The part of the weight of a mass that a wheel carries at rest on level ground, N. The mass is
+    /// `ahead_m` forward of the vehicle's centre of gravity and `left_m` left of the vehicle's middle.
+    #[must_use]
+    pub fn weight_on_n(&self, wheel: Wheel, mass_kg: f64, [ahead_m, left_m]: [f64; 2]) -> f64 {
         let arm_m = if wheel.is_front() {
-            self.body.cg_to_rear_axle_m
+            self.body.cg_to_rear_axle_m + ahead_m
         } else {
-            self.body.front_axle_to_cg_m
+            self.body.front_axle_to_cg_m - ahead_m
         };
-        let middle_n = 0.5 * self.body.mass_kg * STANDARD_GRAVITY_M_S2 / self.wheelbase_m() * arm_m;
-        if self.body.cg_y_m == 0.0 {
-            return middle_n;
-        }
-        let moment_n_m = self.body.mass_kg * STANDARD_GRAVITY_M_S2 * self.body.cg_y_m;
+        let middle_n = 0.5 * mass_kg * STANDARD_GRAVITY_M_S2 / self.wheelbase_m() * arm_m;
+        let moment_n_m = mass_kg * STANDARD_GRAVITY_M_S2 * left_m;
         let axle = self.axle(wheel);
         let stiffness = self.front.roll_stiffness_n_m_rad + self.rear.roll_stiffness_n_m_rad;
         let share = axle.roll_stiffness_n_m_rad / stiffness;
         middle_n + wheel.side() * moment_n_m * share / axle.track_m
+    }
+
+    /// A wheel that lifts at rest on level ground, because the centre of gravity is beside or beyond the
+    /// wheels, and its static load, N.
+    #[must_use]
+    pub fn hanging_wheel(&self) -> Option<(Wheel, f64)> {
+        let loads = Wheel::ALL.map(|wheel| (wheel, self.static_load_n(wheel)));
+        // Not a number is no load either.
+        loads.into_iter().find(|(_, load_n)| !(*load_n > 0.0))
     }
 
     /// The axle of a wheel.

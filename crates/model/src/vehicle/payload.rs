@@ -77,7 +77,9 @@ impl MassProperties {
 }
 
 impl Payload {
-    fn mass_properties(&self) -> MassProperties {
+    /// Its mass, centre of gravity in the front axle's frame, and inertia.
+    #[must_use]
+    pub fn mass_properties(&self) -> MassProperties {
         MassProperties {
             mass_kg: self.mass_kg,
             cg_m: self.position_m,
@@ -130,7 +132,8 @@ impl Vehicle {
     /// whole and of the sprung part. Of the products of inertia the models use I_xz.
     ///
     /// # Errors
-    /// A name that the file does not have; the message lists those there are.
+    /// A name that the file does not have, for which the message lists those there are; payloads with
+    /// which a wheel lifts at rest.
     pub fn loaded(&self, names: &[impl AsRef<str>]) -> Result<Loaded, Error> {
         let bare = self.mass_properties();
         let mut loaded = Loaded {
@@ -175,8 +178,22 @@ impl Vehicle {
             }),
             ..body.clone()
         };
+        loaded.vehicle.require_standing(names)?;
         loaded.cg_shift_m = Vector3::from(whole.cg_m) - Vector3::from(bare.cg_m);
         Ok(loaded)
+    }
+
+    fn require_standing(&self, names: &[impl AsRef<str>]) -> Result<(), Error> {
+        let Some((wheel, load_n)) = self.hanging_wheel() else {
+            return Ok(());
+        };
+        let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+        Err(Error::NotStanding {
+            vehicle: self.name.clone(),
+            payloads: names.join(", "),
+            wheel,
+            load_n,
+        })
     }
 
     fn payload(&self, name: &str) -> Result<&Payload, Error> {
@@ -294,6 +311,49 @@ mod tests {
             assert!((given.cg_m[axis] - derived.cg_m[axis]).abs() < 1e-9);
             let apart = given.inertia_kg_m2[axis] - derived.inertia_kg_m2[axis];
             assert!(apart.abs() < 1e-6, "{axis}: {apart}");
+        }
+    }
+
+    /// 100 kg 5 m left of the middle lift the right wheels; the same load at the middle does not.
+    #[test]
+    fn a_payload_beside_the_wheels_is_refused() {
+        let mut vehicle = with_box();
+        vehicle.payload[0].position_m = [-0.6, 5.0, 0.5];
+        let told = vehicle.loaded(&["box"]).unwrap_err().to_string();
+        for part in ["box", "right", "position_m"] {
+            assert!(told.contains(part), "{told}");
+        }
+        vehicle.payload[0].position_m[1] = 0.0;
+        assert!(vehicle.loaded(&["box"]).is_ok());
+    }
+
+    #[test]
+    fn a_centre_of_gravity_beside_the_wheels_is_refused() {
+        let text = Vehicle::builtin_text("prowler").unwrap();
+        let text = text.replacen("[body]", "[body]\ncg_y_m = 0.9", 1);
+        let told = Vehicle::from_toml(&text, "v.toml").unwrap_err().to_string();
+        assert!(
+            told.contains("body.cg_y_m") && told.contains("front_right"),
+            "{told}"
+        );
+    }
+
+    /// What two loads carry together is what each carries alone, so that the loads with a payload are
+    /// those without it and the payload's weight.
+    #[test]
+    fn the_weight_of_a_payload_adds_to_the_static_loads() {
+        let vehicle = with_box();
+        let payload = &vehicle.payload[0];
+        let [x, y, _] = payload.position_m;
+        let ahead_m = x + vehicle.body.front_axle_to_cg_m;
+        let loaded = vehicle.loaded(&["box"]).unwrap().vehicle;
+        for wheel in Wheel::ALL {
+            let sum_n = vehicle.static_load_n(wheel)
+                + vehicle.weight_on_n(wheel, payload.mass_kg, [ahead_m, y]);
+            assert!(
+                (loaded.static_load_n(wheel) - sum_n).abs() < 1e-9,
+                "{wheel}"
+            );
         }
     }
 
