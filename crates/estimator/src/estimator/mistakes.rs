@@ -423,12 +423,8 @@ impl Estimator {
                 self.place_antennas();
             }
             Hypothesis::Unit(is_large) => {
-                let factor = if is_large {
-                    1.0 / sample::STANDARD_GRAVITY_M_S2
-                } else {
-                    sample::STANDARD_GRAVITY_M_S2
-                };
-                self.mistakes.as_mut()?.scale *= factor;
+                let g = sample::STANDARD_GRAVITY_M_S2;
+                self.mistakes.as_mut()?.scale *= if is_large { 1.0 / g } else { g };
                 self.motion.begin_again();
             }
             Hypothesis::Hitched
