@@ -415,21 +415,16 @@ impl Evidence {
         for (i, own) in at.iter().enumerate() {
             let cross = |at: usize, k: usize| self.information.at(k, at);
             let rows = self.covariance.chunks_exact(TOLERATED);
+            let of_own: [f64; TOLERATED] = std::array::from_fn(|k| cross(*own, k));
             for (sum, row) in through.iter_mut().zip(rows) {
-                *sum = (row.iter().enumerate())
-                    .map(|(k, value)| value * cross(*own, k))
-                    .sum();
+                *sum = linear::dot(row, &of_own);
             }
             for (j, other) in at.iter().enumerate() {
                 let both = self.information.at(*own, *other);
-                let known: f64 = (through.iter().enumerate())
-                    .map(|(k, value)| value * cross(*other, k))
-                    .sum();
-                information[i * n + j] = both - known;
+                let of_other: [f64; TOLERATED] = std::array::from_fn(|k| cross(*other, k));
+                information[i * n + j] = both - linear::dot(&through, &of_other);
             }
-            let known = self.mean.iter().enumerate();
-            vector[i] = self.information.vector[*own]
-                - known.map(|(k, mean)| mean * cross(*own, k)).sum::<f64>();
+            vector[i] = self.information.vector[*own] - linear::dot(&self.mean, &of_own);
         }
     }
 }

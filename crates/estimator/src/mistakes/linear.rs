@@ -1,7 +1,14 @@
-//! Symmetric positive definite systems in buffers that exist already: a step must not allocate.
+//! Symmetric positive definite systems in buffers that exist already: a step must not allocate. Wider registers do
+//! the same operations in the same order, so that every processor gives the same bits.
+
+use multiversion::multiversion;
+
+/// Sums that a scalar product adds up side by side.
+const LANES: usize = 8;
 
 /// Replaces a symmetric matrix of `n` rows by its Cholesky factor, the lower triangle; `None` if it is not positive
 /// definite.
+#[multiversion(targets("x86_64+avx+avx2+avx512f", "x86_64+avx+avx2"))]
 pub(super) fn factor(matrix: &mut [f64], n: usize) -> Option<()> {
     for i in 0..n {
         for j in 0..=i {
@@ -22,6 +29,7 @@ pub(super) fn factor(matrix: &mut [f64], n: usize) -> Option<()> {
 }
 
 /// Solves L y = b in place; b is the vector of `of`.
+#[multiversion(targets("x86_64+avx+avx2+avx512f", "x86_64+avx+avx2"))]
 pub(super) fn forward(factor: &[f64], n: usize, b: &mut [f64]) {
     for i in 0..n {
         let row = &factor[i * n..i * n + i];
@@ -30,6 +38,7 @@ pub(super) fn forward(factor: &[f64], n: usize, b: &mut [f64]) {
 }
 
 /// Solves L' x = y in place.
+#[multiversion(targets("x86_64+avx+avx2+avx512f", "x86_64+avx+avx2"))]
 fn backward(factor: &[f64], n: usize, y: &mut [f64]) {
     for i in (0..n).rev() {
         y[i] /= factor[i * n + i];
@@ -53,11 +62,25 @@ pub(super) fn invert(factor: &[f64], n: usize, inverse: &mut [f64]) {
     }
 }
 
+#[inline(always)]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    let count = a.len().min(b.len());
+    let ((a, last_a), (b, last_b)) = (
+        a[..count].as_chunks::<LANES>(),
+        b[..count].as_chunks::<LANES>(),
+    );
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for k in 0..LANES {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let last = last_a.iter().zip(last_b);
+    sums.iter().sum::<f64>() + last.map(|(a, b)| a * b).sum::<f64>()
 }
 
 /// sum += factor part.
+#[inline(always)]
 pub(super) fn add(sum: &mut [f64], factor: f64, part: &[f64]) {
     for (sum, part) in sum.iter_mut().zip(part) {
         *sum += factor * part;

@@ -61,6 +61,27 @@ impl Mistake {
         }
     }
 
+    /// Changes the sensors that are on the vehicle.
+    fn make(self, sensors: &mut Sensors, real: &Vehicle) {
+        match self {
+            Self::Zeros(counts) => sensors.strain.zero_error_counts = counts,
+            Self::Payload => {
+                // The centre of gravity moves, the inertial unit does not.
+                let (bare, loaded) = (&truth::vehicle().body, &real.body);
+                sensors.imu.position_m[0] += loaded.front_axle_to_cg_m - bare.front_axle_to_cg_m;
+                sensors.imu.position_m[1] -= loaded.cg_y_m - bare.cg_y_m;
+                sensors.imu.position_m[2] -= loaded.cg_height_m - bare.cg_height_m;
+            }
+            Self::Moved(by) => {
+                for (axis, by) in by.iter().enumerate() {
+                    sensors.imu.position_m[axis] += by;
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Changes what they read.
     fn spoil(self, samples: &mut [Sample], sensors: &Sensors) {
         let middle = f64::powi(2.0, i32::from(sensors.strain.adc_bits) - 1);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
@@ -181,27 +202,21 @@ impl Watched {
 }
 
 fn watch(drive: &Drive<'_>) -> Watched {
+    watch_all(drive, &[drive.mistake])
+}
+
+/// The drive with these mistakes in place of its own.
+fn watch_all(drive: &Drive<'_>, mistakes: &[Mistake]) -> Watched {
     let vehicle = truth::vehicle();
     let sensors = Sensors::builtin(drive.sensors).unwrap();
     let mut made = sensors.clone();
-    match drive.mistake {
-        Mistake::Zeros(counts) => made.strain.zero_error_counts = counts,
-        Mistake::Payload => {
-            // The centre of gravity moves, the inertial unit does not.
-            let (bare, loaded) = (&vehicle.body, &drive.real.body);
-            made.imu.position_m[0] += loaded.front_axle_to_cg_m - bare.front_axle_to_cg_m;
-            made.imu.position_m[1] -= loaded.cg_y_m - bare.cg_y_m;
-            made.imu.position_m[2] -= loaded.cg_height_m - bare.cg_height_m;
-        }
-        Mistake::Moved(by) => {
-            for (axis, by) in by.iter().enumerate() {
-                made.imu.position_m[axis] += by;
-            }
-        }
-        _ => {}
+    for mistake in mistakes {
+        mistake.make(&mut made, drive.real);
     }
     let mut samples = sensing::samples(drive.run, drive.real, &made, drive.seed);
-    drive.mistake.spoil(&mut samples, &sensors);
+    for mistake in mistakes {
+        mistake.spoil(&mut samples, &sensors);
+    }
     let calibration = Calibration::nominal(&vehicle.name);
     let mut estimator =
         Estimator::new(vehicle, &sensors, &calibration, Settings::default()).unwrap();

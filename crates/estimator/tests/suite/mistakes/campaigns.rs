@@ -1,5 +1,7 @@
 //! The whole tables of mistakes, of loads, and of drives without a mistake.
 
+use std::collections::BTreeMap;
+
 use super::*;
 
 /// The table of the documentation: each mistake on a flat and a rough run and both converters.
@@ -105,6 +107,52 @@ fn campaign_of_gauges_wired_for_bending() {
         }
     }
     assert_eq!(missed, 0);
+}
+
+/// Two mistakes at once, all pairs of the table: what is named is one of both, or that there are several.
+#[test]
+#[ignore = "minutes; `make campaigns` runs it"]
+fn campaign_of_two_mistakes() {
+    let (mut counts, mut wrong) = (BTreeMap::<_, u32>::new(), Vec::new());
+    for sensors in ["thesis-10bit", "full-bridge-16bit-bending"] {
+        for (k, one) in MISTAKES.into_iter().enumerate() {
+            for other in MISTAKES.into_iter().skip(k + 1) {
+                let drive = Drive {
+                    run: truth::excerpt("c_sine03"),
+                    real: truth::vehicle(),
+                    sensors,
+                    seed: 1,
+                    mistake: one,
+                };
+                let watched = watch_all(&drive, &[one, other]);
+                let found: Vec<_> = (watched.report.found.iter())
+                    .map(|(found, _)| found.judged.hypothesis)
+                    .collect();
+                let is_right = |found: &Hypothesis| one.is(found) || other.is(found);
+                let several = found.contains(&Hypothesis::Several);
+                let right = found.iter().filter(|found| is_right(found)).count();
+                let outcome = if right + usize::from(several) < found.len() {
+                    wrong.push(format!(
+                        "{one:?} and {other:?}, {sensors}: {}",
+                        watched.words()
+                    ));
+                    "another one named"
+                } else {
+                    match (right, several) {
+                        (2, _) => "both named",
+                        (1, true) => "one named, then several",
+                        (1, false) => "one named",
+                        (_, true) => "several",
+                        (_, false) => "nothing named",
+                    }
+                };
+                *counts.entry(outcome).or_default() += 1;
+            }
+        }
+    }
+    report(&format!("{counts:?}; {wrong:#?}"));
+    // The sign of a channel of an exchanged corner is named at the other corner.
+    assert!(wrong.len() <= 4);
 }
 
 /// Largest errors of a load that is not configured: mass, kg, place across, m, and F_y, per cent, then.
