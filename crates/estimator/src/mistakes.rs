@@ -38,7 +38,7 @@ pub(crate) use tolerances::stated_tuning;
 /// Most parameters of a hypothesis.
 const MOST: usize = CHANNELS;
 /// Number of hypotheses.
-const HYPOTHESES: usize = 9 + 2 * CHANNELS + 4 * PAIRS.len() + 6 + layout::ROTATIONS + 4;
+const HYPOTHESES: usize = 9 + 3 * CHANNELS + 4 * PAIRS.len() + 6 + layout::ROTATIONS + 4;
 
 /// What the drive says of a hypothesis.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -257,7 +257,7 @@ impl Estimator {
         for (found, _) in found.iter().filter(|(found, _)| found.corrected) {
             let channels = match found.judged.hypothesis {
                 Hypothesis::Zeros => 0..CHANNELS,
-                Hypothesis::Gain(at) => at..at + 1,
+                Hypothesis::Gain(at) | Hypothesis::Bent(at) => at..at + 1,
                 Hypothesis::Tilted(_) | Hypothesis::Turned(_) => {
                     let turned = Rotation3::from_matrix(&c.body_from_imu).inverse();
                     let (x, y, z) = turned.euler_angles();
@@ -385,6 +385,7 @@ impl Estimator {
                     None => channel.dead = true,
                 });
             }
+            Hypothesis::Bent(at) => self.change_channel(at, |channel| channel.dead = true),
             Hypothesis::Exchanged(wheel, [a, b]) => {
                 self.mistakes.as_mut()?.members[wheel].swap(a, b);
                 self.change_calibrations(|c| {

@@ -5,7 +5,7 @@ use sample::STANDARD_GRAVITY_M_S2;
 use super::evidence::Setup;
 use super::layout::{
     CORNERS, EXCHANGED, HITCH, LEVER, LOST, MASS, OFFSET, PAIRS, PRELOAD, RATE, ROTATIONS, SCALE,
-    TILT, TURNED, WHEELS,
+    SHAPE, TILT, TURNED, WHEELS,
 };
 use super::{HYPOTHESES, MOST};
 use crate::fusion::relations::CHANNELS;
@@ -20,6 +20,9 @@ pub enum Hypothesis {
     Offset(usize),
     /// The gain of one channel is wrong, in size or sign: the part of the force that the reading lacks.
     Gain(usize),
+    /// The reading of one channel is another sum of the wheel's forces than its member's force: what it has beyond,
+    /// as parts of F_x, F_y and F_z.
+    Bent(usize),
     /// Two channels of a corner are exchanged: 1.
     Exchanged(usize, [usize; 2]),
     /// Two corners are exchanged: 1.
@@ -64,7 +67,13 @@ pub(super) fn all() -> impl Iterator<Item = Hypothesis> {
         Hypothesis::Unit(true),
         Hypothesis::Hitched,
     ];
-    let channels = (0..CHANNELS).flat_map(|at| [Hypothesis::Offset(at), Hypothesis::Gain(at)]);
+    let channels = (0..CHANNELS).flat_map(|at| {
+        [
+            Hypothesis::Offset(at),
+            Hypothesis::Gain(at),
+            Hypothesis::Bent(at),
+        ]
+    });
     let pairs = (0..4).flat_map(|wheel| PAIRS.map(|pair| Hypothesis::Exchanged(wheel, pair)));
     let all = body
         .into_iter()
@@ -110,6 +119,7 @@ impl Hypothesis {
                 Prior::centred(OFFSET + at, [t.one_offset_counts * setup.count_n[at].abs()])
             }
             Self::Gain(at) => Prior::centred(LOST + at, [t.gain_sigma]),
+            Self::Bent(at) => Prior::centred(SHAPE + 3 * at, [t.bent_sigma; 3]),
             Self::Exchanged(wheel, pair) => {
                 let k = PAIRS.iter().position(|known| *known == pair);
                 let parameter = EXCHANGED + PAIRS.len() * wheel + k.unwrap_or(0);

@@ -16,6 +16,9 @@ fn is_near(gain: f64, usual: f64, wide: f64) -> bool {
 /// Subject, cause and remedy.
 type Words = (String, String, &'static str);
 
+/// Cause of a channel that does not show the force.
+const NOT_MEASURED: &str = "it does not measure the force of its member: the gauges are wired for bending, or do not strain";
+
 /// What was found, in words.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Described {
@@ -94,6 +97,11 @@ impl Judged {
                 format!("{}: gain", name(at)),
                 gain_cause(1.0 - self.value[0], SIGMAS_95 * self.sigma[0]),
                 "look at the wiring of the bridge and at the gain resistor, and correct the sensors file or the calibration",
+            ),
+            Hypothesis::Bent(at) => (
+                format!("{}: gauges", name(at)),
+                NOT_MEASURED.to_owned(),
+                "look at the wiring of the bridge; until then, the channel is not used",
             ),
             Hypothesis::Exchanged(wheel, pair) => {
                 let [a, b] = pair.map(|i| name(5 * wheel + i));
@@ -176,6 +184,7 @@ impl Judged {
             Hypothesis::Zeros
             | Hypothesis::Offset(_)
             | Hypothesis::Gain(_)
+            | Hypothesis::Bent(_)
             | Hypothesis::Exchanged(..)
             | Hypothesis::Corners(_) => (String::new(), String::new(), ""),
         }
@@ -230,7 +239,7 @@ fn gain_cause(gain: f64, wide: f64) -> String {
     let cause = if near(-1.0) {
         "its sign is inverted: the bridge is wired the other way round"
     } else if gain.abs() < wide.max(0.2) {
-        "it does not measure the force of its member: the gauges are wired for bending, or do not strain"
+        NOT_MEASURED
     } else if near(0.5) {
         "it reads half of the force: a quarter bridge in place of a half bridge"
     } else if near(2.0) {

@@ -121,6 +121,8 @@ tuning! {
         gain_sigma: f64 = 1.5, "1";
         /// Error of a gain, as a part of it, up to which it is corrected; else the channel is not used.
         gain_known: f64 = 0.04, "1";
+        /// Standard deviation of the parts of the wheel's forces in a reading that is not the force of its member.
+        bent_sigma: f64 = 8.0, "1";
         /// How far from 1 the estimate of an exchange may be.
         exchange_sigma: f64 = 0.1, "1";
         /// Difference from 1 beyond which it is no exchange of two channels.
