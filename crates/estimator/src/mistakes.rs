@@ -23,6 +23,7 @@ mod texts;
 mod tolerances;
 
 use crate::fusion::relations::{CHANNELS, Loads, RelationWindow};
+use crate::statics::AXIAL;
 use crate::tuning::MistakeTuning;
 
 pub use driven::Driven;
@@ -226,12 +227,21 @@ impl Mistakes {
             .sort_unstable_by(|a, b| b.ratio.total_cmp(&a.ratio));
     }
 
-    /// Whether a vehicle with this mistake stands on its wheels.
+    /// Whether the channels of a mistake were read, and the vehicle stands on its wheels with it.
     fn is_possible(&self, judged: &Judged) -> bool {
-        let setup = &self.evidence.setup;
-        let mut loads = setup.static_n.iter().zip(&setup.weight_n);
-        judged.hypothesis != Hypothesis::Payload
-            || loads.all(|(own_n, added)| own_n + linear::dot(added, &judged.value[..3]) > 0.0)
+        let is_read = |at: usize| self.evidence.is_read(at);
+        match judged.hypothesis {
+            Hypothesis::Offset(at) | Hypothesis::Gain(at) | Hypothesis::Bent(at) => is_read(at),
+            Hypothesis::Exchanged(wheel, pair) => {
+                pair.iter().all(|i| is_read(AXIAL.len() * wheel + i))
+            }
+            Hypothesis::Payload => {
+                let setup = &self.evidence.setup;
+                let mut loads = setup.static_n.iter().zip(&setup.weight_n);
+                loads.all(|(own_n, added)| own_n + linear::dot(added, &judged.value[..3]) > 0.0)
+            }
+            _ => true,
+        }
     }
 
     /// Ratio of likelihoods of a hypothesis, with all other parameters integrated out.

@@ -107,6 +107,8 @@ pub(super) struct Evidence {
     /// Sums over the rows: weights, and weighted squares of the values.
     weights: f64,
     squares: f64,
+    /// Windows in which each axial channel was read.
+    read: [u32; CHANNELS],
 }
 
 impl Evidence {
@@ -131,6 +133,7 @@ impl Evidence {
             windows: 0,
             weights: 0.0,
             squares: 0.0,
+            read: [0; CHANNELS],
         }
     }
 
@@ -156,6 +159,9 @@ impl Evidence {
             self.squares += weight * value * value;
         }
         self.weights += weight * ROWS as f64;
+        for (at, count) in self.read.iter_mut().enumerate() {
+            *count += u32::from(window.has(at));
+        }
         self.take_fine(window, weight)?;
         self.learnt_bias = window.learnt_bias;
         self.windows += 1;
@@ -390,6 +396,11 @@ impl Evidence {
         });
         let [[a, b], [c, d]] = parts;
         [a, b, c, d]
+    }
+
+    /// Whether an axial channel was read in half of the windows.
+    pub(super) fn is_read(&self, at: usize) -> bool {
+        2 * self.read[at] > self.windows
     }
 
     /// Mean square of the normalised residuals that a hypothesis leaves, if its likelihood has this ratio.
