@@ -248,7 +248,6 @@ impl AxleLinkage {
             stiffness_n_m: strut.stiffness_n_m + stiffness,
             damping_n_s_m: damping,
             stopped: is_stopped,
-            into_stop_m: (strut.bump_stop_length_m - spring_m).max(0.0),
         }
     }
 

@@ -47,8 +47,6 @@ pub struct StrutLine {
     pub damping_n_s_m: f64,
     /// Whether a stop touches.
     pub stopped: bool,
-    /// How far the strut is in the stop, m.
-    pub into_stop_m: f64,
 }
 
 impl StrutLine {
@@ -165,9 +163,6 @@ impl Linkage {
                     0.0
                 },
             stopped,
-            into_stop_m: (spring_m - strut.droop_stop_length_m)
-                .max(strut.bump_stop_length_m - spring_m)
-                .max(0.0),
         }
     }
 }

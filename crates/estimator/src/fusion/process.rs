@@ -296,9 +296,7 @@ impl Fusion {
             }
             let line = &input.corners[wheel].travel.strut;
             let stop = if line.stopped {
-                // Less the further the strut is past the beginning of the stop, which the step has behind it.
-                let begins = (dt * line.rate_m_s.abs() / line.into_stop_m).min(1.0);
-                t.stop_sigma_n_s_m * line.rate_m_s * begins
+                t.stop_sigma_n_s_m * line.rate_m_s
             } else {
                 0.0
             };
