@@ -36,6 +36,8 @@ enum Mistake {
     Bending(usize, usize),
     /// Signs and gains of channels at three wheels.
     Several,
+    /// A channel that was torn off before the drive.
+    Dead(usize, usize),
 }
 
 /// Wheel, channel and factor of the gains that are wrong in [`Mistake::Several`].
@@ -102,6 +104,9 @@ impl Mistake {
                 }
                 (Measurement::Corner(c), Self::Gain(wheel, i, factor)) => {
                     multiply(c, (wheel, i, factor), middle);
+                }
+                (Measurement::Corner(c), Self::Dead(wheel, i)) if c.wheel.index() == wheel => {
+                    c.strain_counts[i] = Some(Counts::Converter(0));
                 }
                 (Measurement::Corner(c), Self::Several) => {
                     for gain in SEVERAL {
@@ -337,6 +342,23 @@ fn several_mistakes_are_not_taken_for_one() {
         assert!(!found.corrected && at_s < 25.0, "{at_s} s: {words}");
         assert_eq!(watched.report.found.len(), 1, "{words}");
         assert!(watched.report.changes.is_empty(), "{words}");
+    }
+}
+
+/// A channel that was torn off is a fault, and no mistake of its corner: exchanged with a neighbour, it would
+/// explain that the neighbour is missing.
+#[test]
+fn dead_channels_are_faults_and_no_mistakes() {
+    for i in 0..5 {
+        let watched = watch(&Drive {
+            run: truth::excerpt("c_sine03"),
+            real: truth::vehicle(),
+            sensors: "thesis-10bit",
+            seed: 11,
+            mistake: Mistake::Dead(1, i),
+        });
+        assert!(watched.report.found.is_empty(), "{}", watched.words());
+        assert_eq!(watched.blamed.len(), 1, "{:?}", watched.blamed);
     }
 }
 
