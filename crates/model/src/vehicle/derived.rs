@@ -81,7 +81,9 @@ impl Vehicle {
     pub fn hanging_wheel(&self) -> Option<(Wheel, f64)> {
         let loads = Wheel::ALL.map(|wheel| (wheel, self.static_load_n(wheel)));
         // Not a number is no load either.
-        loads.into_iter().find(|(_, load_n)| !(*load_n > 0.0))
+        loads
+            .into_iter()
+            .find(|(_, load_n)| load_n.is_nan() || *load_n <= 0.0)
     }
 
     /// The axle of a wheel.
