@@ -74,9 +74,10 @@ fn print(report: &MistakeReport, output: Option<&Path>) {
             found.judged.ratio
         );
     }
+    let count = report.found.len() + report.units.len();
     println!(
-        "{} mistakes found; {:.0} s of driving were used{}",
-        report.found.len() + report.units.len(),
+        "{count} mistake{} found; {:.0} s of driving were used{}",
+        if count == 1 { "" } else { "s" },
         report.driven.used_s,
         if report.is_clean() {
             ""
@@ -84,6 +85,19 @@ fn print(report: &MistakeReport, output: Option<&Path>) {
             " after the last correction"
         }
     );
+    if report.found.iter().all(|(found, _)| found.corrected) {
+        print_undecided(report);
+    } else {
+        println!("the search ended with a mistake that the estimator cannot correct");
+    }
+    println!("{}", parameters(&report.parameters));
+    if let Some(output) = output {
+        println!("wrote {}", output.display());
+    }
+}
+
+/// What is likely without proof, and what would decide.
+fn print_undecided(report: &MistakeReport) {
     if let Some((words, ratio)) = report.likeliest.as_ref().filter(|(_, ratio)| *ratio > 0.0) {
         println!(
             "likeliest beside: {}: {} (logarithm of the ratio {ratio:.1}: not proved)",
@@ -93,10 +107,6 @@ fn print(report: &MistakeReport, output: Option<&Path>) {
     }
     if !report.is_decisive || report.is_suspected {
         println!("not decided; manoeuvre that decides: {}", report.manoeuvre);
-    }
-    println!("{}", parameters(&report.parameters));
-    if let Some(output) = output {
-        println!("wrote {}", output.display());
     }
 }
 
