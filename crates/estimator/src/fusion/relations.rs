@@ -327,7 +327,7 @@ impl Fusion {
         };
         Setup {
             mass_kg: self.body.mass_kg,
-            static_n: Wheel::ALL.map(|wheel| vehicle.static_load_n(wheel)),
+            static_n: self.body.static_load,
             weight_n: Wheel::ALL.map(added),
             load_n: self.body.static_load.iter().sum::<f64>() / 4.0,
             inverse: self.body.inverse,

@@ -345,8 +345,7 @@ fn several_mistakes_are_not_taken_for_one() {
     }
 }
 
-/// A channel that was torn off is a fault, and no mistake of its corner: exchanged with a neighbour, it would
-/// explain that the neighbour is missing.
+/// A channel that was torn off is a fault, and no mistake of its corner.
 #[test]
 fn dead_channels_are_faults_and_no_mistakes() {
     for i in 0..5 {
