@@ -41,7 +41,9 @@ use crate::progress::StatusLine;
 use crate::tap::Tap;
 use crate::{retention, session, values};
 use heartbeat::{Heartbeats, extend_stop, notify};
-use run::{Files, LiveEngine, Progress, RecordSink, Run, TriggerEvent, join, watch_for_triggers};
+use run::{
+    Files, Left, LiveEngine, Progress, RecordSink, Run, TriggerEvent, join, watch_for_triggers,
+};
 
 /// Period of the ticks of the stream.
 const TICK: Duration = Duration::from_millis(100);
@@ -77,6 +79,8 @@ pub struct Summary {
     pub losses: Losses,
     /// Tasks that were aborted because they did not end in time.
     pub stuck: Vec<String>,
+    /// What the engine of the last run had not processed at the stop.
+    pub left: Option<Left>,
     /// What arrived from each source, by name, over all runs.
     received: BTreeMap<String, Received>,
 }
@@ -550,6 +554,7 @@ impl<'a> RecordingController<'a> {
             Ok((more, engine, progress)) => {
                 self.summary.add(more);
                 self.summary.health = engine.health(progress.time);
+                self.summary.left = progress.left;
                 self.summary.receive(&engine);
             }
             Err(error) => {

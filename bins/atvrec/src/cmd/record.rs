@@ -185,6 +185,14 @@ fn write_losses(text: &mut String, summary: &Summary) {
             summary.losses.records
         );
     }
+    if let Some(left) = summary.left {
+        let _ = writeln!(
+            text,
+            "  the estimator was behind at the stop: the log has no results of the last {:.1} s; \
+             `atvrec replay -o` computes them",
+            left.span_s
+        );
+    }
     for gone in &summary.recorder.gone {
         let what = if gone.deleted { "deleted" } else { "renamed" };
         let _ = writeln!(
@@ -219,6 +227,7 @@ fn as_json(summary: &Summary) -> serde_json::Value {
         "lost": lost,
         "lost_records": summary.losses.records,
         "gone": summary.recorder.gone.iter().map(control::gone_log).collect::<Vec<_>>(),
+        "without_results_s": summary.left.map(|left| left.span_s),
         "cut_off": summary.recorder.cut_off,
         "unfinished": summary.recorder.unfinished,
         "stuck": summary.stuck,

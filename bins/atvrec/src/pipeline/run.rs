@@ -1,6 +1,6 @@
 //! A run: its files, and the two threads that write to them.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -55,6 +55,7 @@ pub struct Run {
     pub recorder: Arc<Recorder>,
     raw: JoinHandle<()>,
     engine: JoinHandle<(Engine, Progress)>,
+    engine_until: StopTime,
     heartbeats: [Arc<Heartbeat>; 2],
     name: RunName,
     /// Protects the logs from retention until they are closed.
@@ -68,7 +69,21 @@ pub struct Progress {
     pub time: LogTime,
     /// Sequence number of its next arrival.
     pub next_sequence: u64,
+    /// What it left at the end of the time for a stop.
+    pub left: Option<Left>,
 }
+
+/// Arrivals that an engine has not processed, because it was too far behind at a stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Left {
+    /// Number of the arrivals.
+    pub arrivals: u64,
+    /// Time from the last processed arrival to the last one, s.
+    pub span_s: f64,
+}
+
+/// The instant at which an engine leaves the arrivals that still wait; empty until a stop.
+type StopTime = Arc<OnceLock<Instant>>;
 
 /// Files of a run. They are created before the run, so that the run can begin between two arrivals.
 pub struct Files {
@@ -147,11 +162,13 @@ impl Run {
             checked_at: Instant::now(),
             warned_at: None,
         };
+        let engine_until = StopTime::default();
         let worker = EngineThread {
             engine,
             recorder: Arc::clone(&recorder),
             backlog: streams.backlog,
             queue: for_engine,
+            until: Arc::clone(&engine_until),
             heartbeat: Arc::clone(&engine_beat),
             sink,
         };
@@ -159,6 +176,7 @@ impl Run {
             recorder,
             raw: spawn("recorder", move || raw.run())?,
             engine: spawn("engine", move || worker.run())?,
+            engine_until,
             heartbeats: [raw_beat, engine_beat],
             name,
             _guard: guard,
@@ -166,12 +184,18 @@ impl Run {
     }
 
     /// Waits until all arrivals of the ended stream are processed, and closes the files, until
-    /// `deadline` or within the configured time. Returns the engine.
+    /// `deadline` or within the configured time. Returns the engine. With a deadline, an engine that is
+    /// far behind leaves the files half of the time; a replay computes what it left.
     pub fn finish(
         self,
         deadline: Option<Instant>,
     ) -> anyhow::Result<(RecorderSummary, Engine, Progress)> {
         drop(self.heartbeats);
+        if let Some(deadline) = deadline {
+            let now = Instant::now();
+            let half = deadline.saturating_duration_since(now) / 2;
+            self.engine_until.get_or_init(|| now + half);
+        }
         let engine = join("engine", self.engine);
         join("recorder", self.raw)?;
         let recorder =
@@ -181,6 +205,14 @@ impl Run {
             None => recorder.finish()?,
         };
         let (engine, progress) = engine?;
+        if let Some(left) = progress.left {
+            tracing::warn!(
+                arrivals = left.arrivals,
+                seconds = left.span_s,
+                "the estimator was too far behind at the stop and was ended; the raw data is in the log, \
+                 and `atvrec replay -o` computes the rest"
+            );
+        }
         if summary.cut_off.is_some() {
             // The disk does not respond in time: the next start renames the logs.
             return Ok((summary, engine, progress));
@@ -296,6 +328,7 @@ struct EngineThread {
     recorder: Arc<Recorder>,
     backlog: Vec<Arc<Arrival>>,
     queue: mpsc::Receiver<Arc<Arrival>>,
+    until: StopTime,
     heartbeat: Arc<Heartbeat>,
     sink: RecordSink,
 }
@@ -328,6 +361,19 @@ impl EngineThread {
     }
 
     fn step(&mut self, arrival: &Arrival, records: &mut Vec<Record>, progress: &mut Progress) {
+        if self
+            .until
+            .get()
+            .is_some_and(|until| Instant::now() >= *until)
+        {
+            let left = progress.left.get_or_insert(Left {
+                arrivals: 0,
+                span_s: 0.0,
+            });
+            left.arrivals += 1;
+            left.span_s = arrival.log_time.seconds_since(progress.time);
+            return;
+        }
         let known = records.len();
         self.engine.push(arrival, records);
         for record in &records[known..] {
@@ -336,6 +382,7 @@ impl EngineThread {
         *progress = Progress {
             time: arrival.log_time,
             next_sequence: arrival.sequence + 1,
+            left: None,
         };
         self.heartbeat.beat();
     }
