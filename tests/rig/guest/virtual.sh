@@ -13,14 +13,13 @@ drive() {
 
 # A first drive of a moment leaves the configuration; the recorder waits for the ports to come back.
 drive 0.01
+# Its last section is [storage]. The emulated processor estimates more slowly than real time, and the test
+# compares all results.
 cat /tmp/ports/atvrec.toml - >/tmp/ports/controllers.toml <<'CONFIG'
+stop_within_s = 120
 
 [output.can]
 interface = "vcan1"
-
-# The emulated processor estimates more slowly than real time; the test compares all results.
-[storage]
-stop_within_s = 120
 CONFIG
 /rig/atvrec record --config /tmp/ports/controllers.toml --directory /rig/logs --json \
     >/rig/summary.json 2>/rig/record.log &

@@ -82,6 +82,19 @@ pub struct Left {
     pub span_s: f64,
 }
 
+impl Progress {
+    /// Whether `arrival` is left, because the time of the engine is over; counts it then.
+    fn leaves(&mut self, arrival: &Arrival, until: &StopTime) -> bool {
+        let is_over = until.get().is_some_and(|until| Instant::now() >= *until);
+        if is_over {
+            let arrivals = self.left.map_or(0, |left| left.arrivals) + 1;
+            let span_s = arrival.log_time.seconds_since(self.time);
+            self.left = Some(Left { arrivals, span_s });
+        }
+        is_over
+    }
+}
+
 /// The instant at which an engine leaves the arrivals that still wait; empty until a stop.
 type StopTime = Arc<OnceLock<Instant>>;
 
@@ -361,17 +374,7 @@ impl EngineThread {
     }
 
     fn step(&mut self, arrival: &Arrival, records: &mut Vec<Record>, progress: &mut Progress) {
-        if self
-            .until
-            .get()
-            .is_some_and(|until| Instant::now() >= *until)
-        {
-            let left = progress.left.get_or_insert(Left {
-                arrivals: 0,
-                span_s: 0.0,
-            });
-            left.arrivals += 1;
-            left.span_s = arrival.log_time.seconds_since(progress.time);
+        if progress.leaves(arrival, &self.until) {
             return;
         }
         let known = records.len();
@@ -549,4 +552,42 @@ pub fn join<T>(name: &str, thread: JoinHandle<T>) -> anyhow::Result<T> {
     thread.join().map_err(|_| {
         anyhow::anyhow!("the thread \"{name}\" panicked; its message is printed above")
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use sample::SourceId;
+
+    use super::*;
+
+    #[test]
+    fn an_engine_leaves_arrivals_only_after_its_time_and_counts_them() {
+        let start = LogTime(1_000_000_000);
+        let arrival = |after_s| Arrival {
+            sequence: 0,
+            source: SourceId(0),
+            log_time: start.offset_seconds(after_s),
+            realtime_ns: 0,
+            payload: Payload::Bytes(Vec::new()),
+        };
+        let mut progress = Progress {
+            time: start,
+            ..Progress::default()
+        };
+        let now = Instant::now();
+        let later = StopTime::new(OnceLock::from(now + Duration::from_secs(3_600)));
+        for until in [StopTime::default(), later] {
+            assert!(!progress.leaves(&arrival(0.5), &until));
+        }
+        assert_eq!(progress.left, None);
+        let over = StopTime::new(OnceLock::from(now));
+        for after_s in [0.5, 1.5] {
+            assert!(progress.leaves(&arrival(after_s), &over));
+        }
+        let left = Left {
+            arrivals: 2,
+            span_s: 1.5,
+        };
+        assert_eq!(progress.left, Some(left));
+    }
 }
