@@ -42,7 +42,8 @@ use crate::tap::Tap;
 use crate::{retention, session, values};
 use heartbeat::{Heartbeats, extend_stop, notify};
 use run::{
-    Files, Left, LiveEngine, Progress, RecordSink, Run, TriggerEvent, join, watch_for_triggers,
+    Files, Left, LiveEngine, Progress, RecordSink, Run, StopTime, TriggerEvent, join,
+    watch_for_triggers,
 };
 
 /// Period of the ticks of the stream.
@@ -79,7 +80,7 @@ pub struct Summary {
     pub losses: Losses,
     /// Tasks that were aborted because they did not end in time.
     pub stuck: Vec<String>,
-    /// What the engine of the last run had not processed at the stop.
+    /// What the engine of a run had not processed at the stop.
     pub left: Option<Left>,
     /// What arrived from each source, by name, over all runs.
     received: BTreeMap<String, Received>,
@@ -365,6 +366,7 @@ struct RecordingController<'a> {
     sequencer: Sequencer,
     supervisor: Supervisor,
     heartbeats: Heartbeats,
+    engines_until: StopTime,
     status: Arc<RecorderStatus>,
     trigger_events: mpsc::Sender<TriggerEvent>,
     run: Option<Run>,
@@ -416,6 +418,7 @@ impl<'a> RecordingController<'a> {
             supervisor: Supervisor::new(sequencer.clone()),
             sequencer,
             heartbeats: Heartbeats::default(),
+            engines_until: StopTime::default(),
             trigger_events,
             run: None,
             run_end: None,
@@ -532,7 +535,8 @@ impl<'a> RecordingController<'a> {
         let streams = self.sequencer.begin(sizes, since, &numbers);
         self.status.begin_run(files.recorder());
         let sequencer = self.sequencer.clone();
-        let next = Run::start(files, engine, sequencer, streams, &self.heartbeats, sink)?;
+        let (heartbeats, until) = (&self.heartbeats, self.engines_until.clone());
+        let next = Run::start(files, engine, sequencer, streams, heartbeats, sink, until)?;
         if let Some(old) = self.run.replace(next) {
             self.close(old, None);
         }
@@ -554,7 +558,7 @@ impl<'a> RecordingController<'a> {
             Ok((more, engine, progress)) => {
                 self.summary.add(more);
                 self.summary.health = engine.health(progress.time);
-                self.summary.left = progress.left;
+                self.summary.left = progress.left.or(self.summary.left);
                 self.summary.receive(&engine);
             }
             Err(error) => {
@@ -640,6 +644,7 @@ impl<'a> RecordingController<'a> {
                 engine,
                 queue,
                 sink: self.sink(true, None),
+                until: self.engines_until.clone(),
             };
             self.live = Some(live.start(&self.heartbeats)?);
         }
@@ -669,6 +674,7 @@ impl<'a> RecordingController<'a> {
                 engine: Engine::new(&self.config)?,
                 queue: self.listen(),
                 sink: self.sink(true, events),
+                until: self.engines_until.clone(),
             };
             self.live = Some(live.start(&self.heartbeats)?);
         }
@@ -745,9 +751,12 @@ impl<'a> RecordingController<'a> {
         Ok(())
     }
 
-    /// Stops sources, stream, threads and files in this order.
+    /// Stops sources, stream, threads and files in this order. Engines that are far behind leave the files
+    /// half of the time to stop; a replay computes what they left.
     async fn finish(mut self) -> anyhow::Result<Summary> {
-        let deadline = Instant::now() + self.config.storage.options.stop_within;
+        let (now, within) = (Instant::now(), self.config.storage.options.stop_within);
+        let deadline = now + within;
+        self.engines_until.set(now + within / 2);
         let empty = Supervisor::new(self.sequencer.clone());
         let supervisor = std::mem::replace(&mut self.supervisor, empty);
         if let Err(stuck) = supervisor.stop(STOP_DEADLINE).await {

@@ -171,7 +171,7 @@ impl Decoder {
         rows: usize,
         take: &mut impl FnMut(usize, Table) -> std::result::Result<(), E>,
     ) -> std::result::Result<(), E> {
-        let skipped = skipped(reader)?;
+        let skipped = skipped(reader, false)?;
         let mut records = Vec::new();
         // The decoders need all arrivals from the beginning on.
         let mut arrivals = reader.arrivals_between(LogTime(0), end);

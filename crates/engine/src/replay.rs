@@ -168,7 +168,7 @@ impl<'r> Replay<'r> {
         mut sink: impl FnMut(Entry) -> std::result::Result<(), E>,
     ) -> std::result::Result<Replayed, E> {
         let mut done = Replayed::default();
-        let skipped = skipped(self.reader)?;
+        let skipped = skipped(self.reader, self.options.verify)?;
         let mut truth = self.options.truth.then(|| Truth::of(self.reader));
         let ahead = ReadAhead::start(self.reader.arrivals(), |arrivals| arrivals.missing());
         while let Some(batch) = ahead.next() {
@@ -368,12 +368,18 @@ impl Truth {
 }
 
 /// Arrivals that the estimator skipped. The log reports them afterwards, so that they are read before
-/// the replay.
-pub(crate) fn skipped(reader: &Reader) -> Result<Skipped> {
+/// the replay. `at_end`: also those at the end of the recording, whose notice covers itself. Nothing that the
+/// log contains depends on these.
+pub(crate) fn skipped(reader: &Reader, at_end: bool) -> Result<Skipped> {
     let mut skipped = Skipped::default();
     for arrival in reader.notices() {
-        if let Payload::Notice(notice) = arrival?.payload {
-            skipped.add(&notice);
+        let arrival = arrival?;
+        if let Payload::Notice(notice) = &arrival.payload {
+            let mut these = Skipped::default();
+            these.add(notice);
+            if at_end || !these.contains(arrival.sequence) {
+                skipped.add(notice);
+            }
         }
     }
     Ok(skipped)

@@ -69,7 +69,7 @@ pub enum Notice {
     /// A mark set by a person or a program.
     Mark(String),
     /// The estimator did not see the `count` arrivals from `first_sequence` on, because its queue
-    /// was full. A replay leaves the same ones out.
+    /// was full, or because it was too far behind at the stop. A replay leaves the same ones out.
     EstimatorSkipped {
         /// Sequence of the first arrival left out.
         first_sequence: u64,

@@ -8,7 +8,9 @@ use acq::{Sequencer, Streams};
 use anyhow::Context;
 use engine::config::Trigger;
 use engine::{Config, Engine};
-use sample::{Arrival, Event, EventKind, Health, LogTime, LossPlace, Notice, Payload, Severity};
+use sample::{
+    Arrival, Event, EventKind, Health, LogTime, LossPlace, Notice, Payload, Severity, SourceId,
+};
 use store::{
     ClockState, DiskState, LogMessage, LossLedger, Losses, Record, Recorder, RecorderSummary,
 };
@@ -53,9 +55,8 @@ const SLOW_DISK_UNSYNCED: Duration = Duration::from_secs(3);
 pub struct Run {
     /// Writer of the files.
     pub recorder: Arc<Recorder>,
-    raw: JoinHandle<()>,
+    raw: JoinHandle<Option<Last>>,
     engine: JoinHandle<(Engine, Progress)>,
-    engine_until: StopTime,
     heartbeats: [Arc<Heartbeat>; 2],
     name: RunName,
     /// Protects the logs from retention until they are closed.
@@ -76,27 +77,77 @@ pub struct Progress {
 /// Arrivals that an engine has not processed, because it was too far behind at a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Left {
-    /// Number of the arrivals.
-    pub arrivals: u64,
+    /// Sequence number of the first one.
+    pub first_sequence: u64,
     /// Time from the last processed arrival to the last one, s.
     pub span_s: f64,
 }
 
+/// The last arrival that was passed to the recorder.
+struct Last {
+    sequence: u64,
+    log_time: LogTime,
+    realtime_ns: i64,
+}
+
+impl Left {
+    /// Adds to the log which arrivals have no results. The notice covers itself, because the engine does not
+    /// get it either.
+    fn record(&self, recorder: &Recorder, last: &Last) {
+        let sequence = last.sequence + 1;
+        let count = (sequence + 1).saturating_sub(self.first_sequence);
+        tracing::warn!(
+            arrivals = count - 1,
+            seconds = self.span_s,
+            "the estimator was too far behind at the stop and was ended; the raw data is in the log, and \
+             `atvrec replay -o` computes the rest"
+        );
+        recorder.push(Arrival {
+            sequence,
+            source: SourceId::HOST,
+            log_time: last.log_time,
+            realtime_ns: last.realtime_ns,
+            payload: Payload::Notice(Notice::EstimatorSkipped {
+                first_sequence: self.first_sequence,
+                count,
+            }),
+        });
+    }
+}
+
 impl Progress {
-    /// Whether `arrival` is left, because the time of the engine is over; counts it then.
+    /// Whether `arrival` is left, because the time of the engine is over; remembers it then.
     fn leaves(&mut self, arrival: &Arrival, until: &StopTime) -> bool {
-        let is_over = until.get().is_some_and(|until| Instant::now() >= *until);
+        let is_over = until.is_over();
         if is_over {
-            let arrivals = self.left.map_or(0, |left| left.arrivals) + 1;
+            let first_sequence = self
+                .left
+                .map_or(arrival.sequence, |left| left.first_sequence);
             let span_s = arrival.log_time.seconds_since(self.time);
-            self.left = Some(Left { arrivals, span_s });
+            self.left = Some(Left {
+                first_sequence,
+                span_s,
+            });
         }
         is_over
     }
 }
 
-/// The instant at which an engine leaves the arrivals that still wait; empty until a stop.
-type StopTime = Arc<OnceLock<Instant>>;
+/// The instant at which the engines leave the arrivals that still wait. There is none before the stop of
+/// the recording.
+#[derive(Clone, Debug, Default)]
+pub struct StopTime(Arc<OnceLock<Instant>>);
+
+impl StopTime {
+    /// Sets the instant, once.
+    pub fn set(&self, instant: Instant) {
+        self.0.get_or_init(|| instant);
+    }
+
+    fn is_over(&self) -> bool {
+        self.0.get().is_some_and(|until| Instant::now() >= *until)
+    }
+}
 
 /// Files of a run. They are created before the run, so that the run can begin between two arrivals.
 pub struct Files {
@@ -147,7 +198,7 @@ impl Files {
 }
 
 impl Run {
-    /// Starts to write `streams` and the records that `engine` computes from them.
+    /// Starts to write `streams` and the records that `engine` computes from them until `until`.
     pub fn start(
         files: Files,
         engine: Engine,
@@ -155,6 +206,7 @@ impl Run {
         streams: Streams,
         heartbeats: &Heartbeats,
         sink: RecordSink,
+        until: StopTime,
     ) -> anyhow::Result<Self> {
         let Files {
             recorder,
@@ -175,13 +227,12 @@ impl Run {
             checked_at: Instant::now(),
             warned_at: None,
         };
-        let engine_until = StopTime::default();
         let worker = EngineThread {
             engine,
             recorder: Arc::clone(&recorder),
             backlog: streams.backlog,
             queue: for_engine,
-            until: Arc::clone(&engine_until),
+            until,
             heartbeat: Arc::clone(&engine_beat),
             sink,
         };
@@ -189,7 +240,6 @@ impl Run {
             recorder,
             raw: spawn("recorder", move || raw.run())?,
             engine: spawn("engine", move || worker.run())?,
-            engine_until,
             heartbeats: [raw_beat, engine_beat],
             name,
             _guard: guard,
@@ -197,35 +247,33 @@ impl Run {
     }
 
     /// Waits until all arrivals of the ended stream are processed, and closes the files, until
-    /// `deadline` or within the configured time. Returns the engine. With a deadline, an engine that is
-    /// far behind leaves the files half of the time; a replay computes what it left.
+    /// `deadline` or within the configured time. Returns the engine.
     pub fn finish(
         self,
         deadline: Option<Instant>,
     ) -> anyhow::Result<(RecorderSummary, Engine, Progress)> {
         drop(self.heartbeats);
-        if let Some(deadline) = deadline {
-            let now = Instant::now();
-            let half = deadline.saturating_duration_since(now) / 2;
-            self.engine_until.get_or_init(|| now + half);
-        }
         let engine = join("engine", self.engine);
-        join("recorder", self.raw)?;
+        let last = join("recorder", self.raw)?;
         let recorder =
             Arc::into_inner(self.recorder).context("a thread still holds the recorder")?;
+        if let (
+            Ok((
+                _,
+                Progress {
+                    left: Some(left), ..
+                },
+            )),
+            Some(last),
+        ) = (&engine, last)
+        {
+            left.record(&recorder, &last);
+        }
         let mut summary = match deadline {
             Some(deadline) => recorder.finish_by(deadline)?,
             None => recorder.finish()?,
         };
         let (engine, progress) = engine?;
-        if let Some(left) = progress.left {
-            tracing::warn!(
-                arrivals = left.arrivals,
-                seconds = left.span_s,
-                "the estimator was too far behind at the stop and was ended; the raw data is in the log, \
-                 and `atvrec replay -o` computes the rest"
-            );
-        }
         if summary.cut_off.is_some() {
             // The disk does not respond in time: the next start renames the logs.
             return Ok((summary, engine, progress));
@@ -273,7 +321,13 @@ struct RawThread {
 }
 
 impl RawThread {
-    fn run(mut self) {
+    fn run(mut self) -> Option<Last> {
+        let of = |arrival: &Arc<Arrival>| Last {
+            sequence: arrival.sequence,
+            log_time: arrival.log_time,
+            realtime_ns: arrival.realtime_ns,
+        };
+        let mut last = self.backlog.last().map(of);
         for arrival in std::mem::take(&mut self.backlog) {
             wait_for_writer(&self.recorder, &self.queue);
             self.recorder.push(Arc::unwrap_or_clone(arrival));
@@ -281,11 +335,13 @@ impl RawThread {
         }
         let mut received = Vec::new();
         while receive(&mut self.queue, &mut received, RECORDER_PERIOD) {
+            last = received.last().map(of).or(last);
             let arrivals = received.drain(..).map(Arc::unwrap_or_clone);
             self.recorder.push_all(arrivals.collect());
             self.heartbeat.beat();
             self.check_disk();
         }
+        last
     }
 
     /// Reports losses of the disk as notices of the stream, and warns of a slow disk.
@@ -408,6 +464,8 @@ pub struct LiveEngine {
     pub queue: mpsc::Receiver<Arc<Arrival>>,
     /// Receives the records.
     pub sink: RecordSink,
+    /// When it leaves the arrivals that wait.
+    pub until: StopTime,
 }
 
 impl LiveEngine {
@@ -421,6 +479,9 @@ impl LiveEngine {
                 heartbeat.beat();
                 if arrival.sequence < self.next_sequence {
                     continue;
+                }
+                if self.until.is_over() {
+                    break;
                 }
                 last = arrival.log_time;
                 self.engine.push(&arrival, &mut records);
@@ -556,15 +617,13 @@ pub fn join<T>(name: &str, thread: JoinHandle<T>) -> anyhow::Result<T> {
 
 #[cfg(test)]
 mod tests {
-    use sample::SourceId;
-
     use super::*;
 
     #[test]
-    fn an_engine_leaves_arrivals_only_after_its_time_and_counts_them() {
+    fn an_engine_leaves_arrivals_only_after_its_time() {
         let start = LogTime(1_000_000_000);
-        let arrival = |after_s| Arrival {
-            sequence: 0,
+        let arrival = |sequence, after_s| Arrival {
+            sequence,
             source: SourceId(0),
             log_time: start.offset_seconds(after_s),
             realtime_ns: 0,
@@ -575,17 +634,18 @@ mod tests {
             ..Progress::default()
         };
         let now = Instant::now();
-        let later = StopTime::new(OnceLock::from(now + Duration::from_secs(3_600)));
-        for until in [StopTime::default(), later] {
-            assert!(!progress.leaves(&arrival(0.5), &until));
+        let [none, later, over] = [(); 3].map(|()| StopTime::default());
+        later.set(now + Duration::from_secs(3_600));
+        over.set(now);
+        for until in [none, later] {
+            assert!(!progress.leaves(&arrival(7, 0.5), &until));
         }
         assert_eq!(progress.left, None);
-        let over = StopTime::new(OnceLock::from(now));
-        for after_s in [0.5, 1.5] {
-            assert!(progress.leaves(&arrival(after_s), &over));
+        for (sequence, after_s) in [(8, 0.5), (9, 1.5)] {
+            assert!(progress.leaves(&arrival(sequence, after_s), &over));
         }
         let left = Left {
-            arrivals: 2,
+            first_sequence: 8,
             span_s: 1.5,
         };
         assert_eq!(progress.left, Some(left));
