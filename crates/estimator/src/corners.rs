@@ -26,8 +26,9 @@ use crate::motion::MotionState;
 use crate::tuning::{CornerTuning, Tuning};
 
 use linkage::Linkage;
+pub use linkage::corner_of;
 use live_axle::AxleLinkage;
-pub use live_axle::LiveAxleState;
+pub use live_axle::{BENDING, LiveAxleState, PANHARD, axle_channels, link_of};
 use moving::{gear, is_described};
 use steering_wheel::SteeringWheel;
 use tilt::Tilt;

@@ -31,7 +31,8 @@ pub use half::HalfCar;
 pub use hanging::Hanging;
 pub use linkage::{Coordinates, Linkage, PointPath};
 pub use live_axle::{
-    AxleLine, LinkedAxle, LiveAxleMembers, LiveAxleMotion, LiveAxlePose, LiveAxleStatics,
+    AxleLine, LinkedAxle, LiveAxleAtRest, LiveAxleMembers, LiveAxleMotion, LiveAxlePose,
+    LiveAxleStatics,
 };
 pub use motion::{BodyMotion, CornerMotion};
 pub use parity::{Parity, WrenchEstimate};

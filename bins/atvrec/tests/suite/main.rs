@@ -7,6 +7,7 @@
 )]
 
 mod calibrate;
+mod calibrate_second;
 mod calibrate_temperature;
 mod check_with_log;
 mod compat;

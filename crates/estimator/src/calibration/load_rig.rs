@@ -74,7 +74,7 @@ pub struct LoadRig {
 /// Finds gains and wiring.
 ///
 /// # Errors
-/// Too few loads on a corner, loads that leave a direction out, a linkage that does not assemble, a corner
+/// Too few loads on a corner, loads on a solid axle, loads that leave a direction out, a linkage that does not assemble, a corner
 /// without geometry whose channels do not tell the three forces apart.
 pub fn load_rig(
     vehicle: &Vehicle,
@@ -107,6 +107,12 @@ pub fn load_rig(
             let note = format!("{wheel} was not loaded; its gains stay as they were");
             rig.findings.notes.push(note);
             continue;
+        }
+        if vehicle.axle(wheel).is_solid() {
+            return Err(EstimatorError::Suspension(format!(
+                "{wheel} is on a solid axle, whose links share each load with those of the other wheel; find the gains \
+                 of its links and tubes with `calibrate member`, and their zeros with `calibrate zero`"
+            )));
         }
         if by_matrix(wheel) {
             rig.matrix_corner(vehicle, &resolved, wheel, &rows)?;

@@ -146,6 +146,18 @@ impl Sensitivity {
         ]
     }
 
+    /// The same channel wired the other way round.
+    pub(super) fn invert(&mut self) {
+        for values in [
+            &mut self.counts_per_kn,
+            &mut self.counts_per_kn_m,
+            &mut self.change_per_m,
+            &mut self.moment_change_per_m,
+        ] {
+            *values = values.map(|value| 0.0 - value);
+        }
+    }
+
     /// Counts for 1 N of force in the direction of the largest response.
     fn size(&self) -> f64 {
         1e-3 * Vector3::from(self.counts_per_kn).norm()
@@ -333,7 +345,7 @@ impl SensitivityMatrix {
             return 0.0;
         };
         let compression_m = load.compression_m - self.compression_m;
-        let passing = passing(vehicle, load);
+        let passing = passing(vehicle, load, self.outboard_mass_kg);
         (0..6)
             .map(|j| (row.gains[j] + row.change[j] * compression_m) * passing[j])
             .sum()
@@ -377,11 +389,16 @@ pub(crate) fn contact_height_m(vehicle: &Vehicle, wheel: Wheel) -> f64 {
     tyre.unloaded_radius_m - vehicle.static_load_n(wheel) / tyre.vertical_stiffness_n_m.max(1.0)
 }
 
-/// Forces, N, and moments, N m, of a load that pass the gauges of a corner at rest, as a matrix has them. All
-/// unsprung parts hang on the gauges.
-pub(super) fn passing(vehicle: &Vehicle, load: &RigLoad) -> [f64; 6] {
+/// Forces, N, and moments, N m, of a load that pass the gauges of a corner at rest, as a matrix has them. The
+/// outboard mass hangs on the gauges: all unsprung parts if it is not given.
+pub(super) fn passing(
+    vehicle: &Vehicle,
+    load: &RigLoad,
+    outboard_mass_kg: Option<f64>,
+) -> [f64; 6] {
     let unsprung = vehicle.axle(load.wheel).unsprung.as_ref();
-    let weight_n = unsprung.map_or(0.0, |parts| parts.total_mass_kg()) * STANDARD_GRAVITY_M_S2;
+    let all_kg = unsprung.map_or(0.0, |parts| parts.total_mass_kg());
+    let weight_n = outboard_mass_kg.unwrap_or(all_kg) * STANDARD_GRAVITY_M_S2;
     let force = Vector3::from(load.force_n);
     let moment = Vector3::from(load.at_m).cross(&force);
     let height_m = contact_height_m(vehicle, load.wheel);

@@ -8,14 +8,15 @@
 //! with the compression c from the design length, and d = +1 where the strut was being compressed on
 //! the way to the load, -1 where it was being let go: f is the friction that holds it back.
 
-use model::suspension::{ChannelKind, Corner, CornerStatics, Wrench};
+use model::suspension::{ChannelKind, CornerStatics, LinkedAxle, SuspensionError, Wrench};
 use model::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector, Vector3};
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
 use super::imu::lean_rad;
-use super::{Calibration, SpringCalibration};
+use super::{Calibration, SensitivityMatrix, SpringCalibration};
 use crate::EstimatorError;
+use crate::corners::corner_of;
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Series, Span};
 use crate::regression::{Fit, least_squares};
 use crate::statistics::{interval_95, student_over_normal};
@@ -48,7 +49,7 @@ pub struct Weight {
 /// Finds the springs.
 ///
 /// # Errors
-/// Fewer than three different loads, a vehicle without linkage.
+/// Fewer than three different loads, a vehicle whose corners have neither hard-points nor motion ratios.
 pub fn weight(
     vehicle: &Vehicle,
     known: &Calibration,
@@ -69,15 +70,24 @@ pub fn weight(
     };
     for wheel in Wheel::ALL {
         different(wheel, readings).map_err(|refusal| refusal.of(WHAT))?;
+        let matrix = match known.corner.get(&wheel).and_then(|c| c.matrix.as_ref()) {
+            Some(given) => Some(SensitivityMatrix::new(wheel, given)?),
+            None => None,
+        };
         let forces = readings
             .iter()
-            .map(|reading| strut_force_n(vehicle, wheel, reading))
-            .collect::<Result<Vec<f64>, _>>()?;
+            .map(|reading| strut_force_n(vehicle, wheel, matrix.as_ref(), reading))
+            .collect::<Result<Vec<f64>, _>>()
+            .map_err(|error| EstimatorError::Suspension(error.to_string()))?;
         let compression: Vec<f64> = readings.iter().map(|r| r.compression_m[wheel]).collect();
         let (fit, with_friction) =
             fit(&compression, &forces).map_err(|refusal| refusal.of(WHAT))?;
         found.tell(wheel, &fit, with_friction, readings.len());
         let corner = found.calibration.corner.entry(wheel).or_default();
+        // What a load rig found to be wrong with the spring of the vehicle file is in the new one.
+        if let Some(strut) = (corner.matrix.as_mut()).and_then(|matrix| matrix.strut.as_mut()) {
+            strut.offset_n = 0.0;
+        }
         corner.spring = Some(SpringCalibration {
             preload_n: fit.coefficients[0],
             rate_n_m: fit.coefficients[1],
@@ -152,20 +162,29 @@ fn different(wheel: Wheel, readings: &[ScaleReading]) -> Result<(), Refusal> {
 fn strut_force_n(
     vehicle: &Vehicle,
     wheel: Wheel,
+    matrix: Option<&SensitivityMatrix>,
     reading: &ScaleReading,
-) -> Result<f64, EstimatorError> {
-    let told =
-        |error: model::suspension::SuspensionError| EstimatorError::Suspension(error.to_string());
+) -> Result<f64, SuspensionError> {
     let axle = vehicle.axle(wheel);
-    let corner = Corner::of(vehicle, wheel).map_err(told)?;
-    let length_m = corner.design_strut_length_m() - reading.compression_m[wheel];
-    let pose = corner.pose(length_m, 0.0).map_err(told)?;
-    let load_n = reading.load_n[wheel];
     // A load beside the middle leans the body: the ground's normal is not its z axis.
     let [roll, pitch] = lean_rad(vehicle, &reading.compression_m).unwrap_or_default();
     let up = Vector3::new(-pitch, roll, 1.0).normalize();
+    if axle.is_solid() {
+        let linked = LinkedAxle::of(vehicle)?;
+        let [_, _, left, right] = reading.compression_m.0;
+        let [left_m, right_m] = linked.design_lengths_m();
+        let [_, _, left_n, right_n] = reading.load_n.0;
+        let gravity = up * STANDARD_GRAVITY_M_S2;
+        let lengths_m = [left_m - left, right_m - right];
+        let rest = linked.carrying(axle, lengths_m, [left_n, right_n], gravity)?;
+        return Ok(rest.members.springs_n[usize::from(!wheel.is_left())]);
+    }
+    let corner = corner_of(vehicle, wheel, matrix)?;
+    let length_m = corner.design_strut_length_m() - reading.compression_m[wheel];
+    let pose = corner.pose(length_m, 0.0)?;
+    let load_n = reading.load_n[wheel];
     let kind = ChannelKind::Strut;
-    let statics = CornerStatics::standing(&corner, &pose, axle, up, load_n, kind).map_err(told)?;
+    let statics = CornerStatics::standing(&corner, &pose, axle, up, load_n, kind)?;
     let wrench = Wrench {
         force_n: Vector3::z() * load_n,
         ..Wrench::default()

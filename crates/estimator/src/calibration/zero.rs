@@ -11,14 +11,16 @@ mod loads;
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{PerWheel, StrainChannel, Wheel};
+use sample::{Mounting, PerWheel, StrainChannel, Wheel};
 
 use self::faults::{SATURATED, faults_of};
 use self::loads::CornerLoads;
 use super::rest::Rest;
 use super::{Calibration, Channel, ChannelCalibration, Resolved};
 use crate::EstimatorError;
+use crate::corners::link_of;
 use crate::finding::{Figure, Finding, Findings, Refusal, Series};
+use crate::statics::AXIAL;
 use crate::statistics::{SIGMAS_95, interval_95};
 
 pub use faults::{ChannelFault, FaultKind};
@@ -77,7 +79,8 @@ pub struct Zero {
 /// Finds the zeros.
 ///
 /// # Errors
-/// A vehicle without linkage, a calibration of another vehicle, wheels that do not hang.
+/// A vehicle whose corners have neither hard-points nor motion ratios, strain channels without hard-points and
+/// without a matrix, a calibration of another vehicle, wheels that do not hang.
 pub fn zero(input: &ZeroInput<'_>) -> Result<Zero, EstimatorError> {
     if input.known.vehicle != input.vehicle.name {
         return Err(EstimatorError::OtherVehicle {
@@ -96,27 +99,23 @@ pub fn zero(input: &ZeroInput<'_>) -> Result<Zero, EstimatorError> {
     };
     let mut corners = Vec::new();
     for wheel in Wheel::ALL {
-        corners.push(CornerLoads::new(input, wheel)?);
+        corners.push(CornerLoads::new(input, &resolved, wheel)?);
     }
     refuse_unless_hanging(input, &resolved, &corners)?;
     for (wheel, loads) in Wheel::ALL.into_iter().zip(&corners) {
         for channel in StrainChannel::ALL {
             let chain = &resolved.corners[wheel].strain[channel.index()];
-            // A channel that the sensors file does not have.
-            if chain.dead && input.hanging[wheel].strain[channel.index()].is_none() {
+            // A channel that the sensors file or the suspension does not have.
+            let is_fitted = !chain.dead && is_on(input.vehicle, wheel, channel);
+            if !is_fitted && input.hanging[wheel].strain[channel.index()].is_none() {
                 continue;
             }
             let said = Said::new(input, wheel, Some(channel));
             let i = channel.index();
             let expected = [loads.hanging[i], loads.standing[i]];
-            zero.channel(
-                wheel,
-                Some(channel),
-                chain,
-                &said,
-                expected,
-                input.weight_sigma,
-            );
+            let by_weight = input.weight_sigma * expected[0];
+            let model_sigma = math::hypot(by_weight, loads.sigma[i]);
+            zero.channel(wheel, Some(channel), chain, &said, expected, model_sigma);
         }
         let said = Said::new(input, wheel, None);
         let chain = &resolved.corners[wheel].deflection;
@@ -137,11 +136,25 @@ pub fn zero(input: &ZeroInput<'_>) -> Result<Zero, EstimatorError> {
     Ok(zero)
 }
 
+/// Whether the suspension of a wheel has what a channel measures.
+fn is_on(vehicle: &Vehicle, wheel: Wheel, channel: StrainChannel) -> bool {
+    let is_axial = AXIAL.contains(&channel);
+    match vehicle.axle(wheel).mounting() {
+        Some(Mounting::SolidAxle) => {
+            let side = usize::from(!wheel.is_left());
+            !is_axial || link_of(side, channel.index()).is_some()
+        }
+        Some(Mounting::Strut | Mounting::TrailingArm) => is_axial,
+        Some(Mounting::Transducer) | None => true,
+    }
+}
+
 /// What a channel said, hanging and standing, and what the sensors file says of it.
 struct Said<'a> {
     hanging: Option<&'a Rest>,
     standing: Option<&'a Rest>,
     noise_counts: f64,
+    mounting: Option<Mounting>,
 }
 
 impl<'a> Said<'a> {
@@ -153,6 +166,7 @@ impl<'a> Said<'a> {
         Self {
             hanging: of(&input.hanging[wheel]),
             standing: input.standing.and_then(|corners| of(&corners[wheel])),
+            mounting: input.vehicle.axle(wheel).mounting(),
             noise_counts: if channel.is_some() {
                 input.sensors.strain.noise_counts
             } else {
@@ -163,7 +177,8 @@ impl<'a> Said<'a> {
 }
 
 impl Zero {
-    /// One channel: `expected` are its values hanging and on the ground, in its own unit.
+    /// One channel: `expected` are its values hanging and on the ground, in its own unit, and `model_sigma` is the
+    /// standard deviation of the first.
     fn channel(
         &mut self,
         wheel: Wheel,
@@ -171,13 +186,21 @@ impl Zero {
         chain: &Channel,
         said: &Said<'_>,
         expected: [f64; 2],
-        weight_sigma: f64,
+        model_sigma: f64,
     ) {
         let faults = faults_of(chain, said, expected);
         let inverted = faults.contains(&FaultKind::Inverted);
         // A gain that is known to be negative is the wiring's already.
         let gain = if inverted { -chain.gain } else { chain.gain };
         let corner = self.calibration.corner.entry(wheel).or_default();
+        let row = channel.and_then(|channel| {
+            let matrix = corner.matrix.as_mut()?;
+            matrix.channel.get_mut(&channel)
+        });
+        let has_row = row.is_some();
+        if let Some(row) = row.filter(|_| inverted) {
+            row.invert();
+        }
         let slot = match channel {
             Some(channel) => corner.strain.entry(channel).or_default(),
             None => &mut corner.deflection,
@@ -189,12 +212,11 @@ impl Zero {
                 FaultKind::Drifting { counts_per_s } => Some(counts_per_s.abs() * DRIVE_S),
                 _ => None,
             });
-            let model = weight_sigma * expected[0] / gain;
-            let sigma = math::hypot(rest.mean_sigma, model);
+            let sigma = math::hypot(rest.mean_sigma, model_sigma / gain);
             *slot = ChannelCalibration {
                 offset_counts: Some(offset),
                 offset_sigma_counts: Some(math::hypot(sigma, drift.unwrap_or(0.0))),
-                gain_per_count: if inverted {
+                gain_per_count: if inverted && !has_row {
                     Some(gain)
                 } else {
                     slot.gain_per_count
@@ -209,7 +231,7 @@ impl Zero {
             };
             let is_wide = |[low, high]: &[f64; 2]| high - low > 1e-9 * sigma;
             let interval = rest.interval.filter(is_wide).map(as_wide);
-            let name = channel.map_or("deflection", StrainChannel::name);
+            let name = channel.map_or("deflection", |channel| channel.name_on(said.mounting));
             self.findings.findings.push(Finding {
                 name: format!("{wheel} {name} offset"),
                 value: offset,
@@ -226,6 +248,7 @@ impl Zero {
             .extend(faults.into_iter().map(|kind| ChannelFault {
                 wheel,
                 channel,
+                mounting: said.mounting,
                 kind,
             }));
     }

@@ -57,13 +57,9 @@ impl Linkage {
         let (Some(strut), Some(unsprung)) = (&axle.strut, &axle.unsprung) else {
             return Ok(None);
         };
-        let corner = if axle.has_hard_points() {
-            Some(Corner::of(vehicle, wheel)?)
-        } else {
-            straight(vehicle, wheel, matrix.as_ref())
-        };
-        let Some(corner) = corner else {
-            return Ok(None);
+        let corner = match corner_of(vehicle, wheel, matrix.as_ref()) {
+            Err(SuspensionError::Missing { .. }) => return Ok(None),
+            found => found?,
         };
         let pose = corner.pose(corner.design_strut_length_m(), 0.0)?;
         Ok(Some(Self {
@@ -271,6 +267,24 @@ impl Linkage {
             linkage: self.known,
         })
     }
+}
+
+/// The corner of a wheel by its hard-points; without them by the strut of its matrix, or by its motion ratio.
+///
+/// # Errors
+/// When the vehicle file has neither hard-points nor a motion ratio, or hard-points that are degenerate.
+pub fn corner_of(
+    vehicle: &Vehicle,
+    wheel: Wheel,
+    matrix: Option<&SensitivityMatrix>,
+) -> Result<Corner, SuspensionError> {
+    if vehicle.axle(wheel).has_hard_points() {
+        return Corner::of(vehicle, wheel);
+    }
+    straight(vehicle, wheel, matrix).ok_or(SuspensionError::Missing {
+        axle: if wheel.is_front() { "front" } else { "rear" },
+        table: "strut.motion_ratio",
+    })
 }
 
 /// The corner of an axle without hard-points. The wheel moves as the strut's row of the matrix tells, else as the

@@ -3,15 +3,44 @@
 
 use model::suspension::live_axle::LINKS;
 use model::suspension::{
-    BodyMotion, CornerPose, LinkedAxle, LiveAxleMotion, LiveAxlePose, LiveAxleStatics,
-    SuspensionError, TyreFrame,
+    BodyMotion, CornerPose, LinkedAxle, LiveAxleAtRest, LiveAxleMotion, LiveAxlePose,
+    LiveAxleStatics, SuspensionError, TyreFrame,
 };
 use model::vehicle::{Strut, Unsprung, Vehicle};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
-use sample::WheelAxes;
+use sample::{StrainChannel, WheelAxes};
 
 use super::CornerState;
 use super::travel::StrutLine;
+
+/// Strain channels of a wheel of a live axle: upper link, lower link, Panhard rod (of the left wheel only), and the
+/// bending of the tube about the axle's x and z axes.
+const UPPER: usize = 0;
+const LOWER: usize = 2;
+pub const PANHARD: usize = 4;
+pub const BENDING: [usize; 2] = [5, 6];
+
+/// Link of a strain channel of the left (0) or right (1) wheel.
+pub fn link_of(side: usize, channel: usize) -> Option<usize> {
+    match (channel, side) {
+        (LOWER, _) => Some(side),
+        (UPPER, _) => Some(2 + side),
+        (PANHARD, 0) => Some(4),
+        _ => None,
+    }
+}
+
+/// What the strain channels of the left (0) or right (1) wheel measure of an axle at rest: N, N m of bending.
+pub fn axle_channels(rest: &LiveAxleAtRest, side: usize) -> [f64; StrainChannel::COUNT] {
+    std::array::from_fn(|channel| {
+        let bending = BENDING.iter().position(|of_bending| *of_bending == channel);
+        match (link_of(side, channel), bending) {
+            (Some(link), _) => rest.members.links_n[link],
+            (None, Some(axis)) => rest.bending_n_m[side][axis],
+            (None, None) => 0.0,
+        }
+    })
+}
 
 /// A live axle with its springs and dampers.
 #[derive(Clone, Debug)]

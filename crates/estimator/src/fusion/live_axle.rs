@@ -24,18 +24,12 @@ use super::moments::KnownMoment;
 use super::propagation::Moving;
 use super::{ChannelChange, Fusion, StepInput, carrier};
 use crate::calibration::CornerChannels;
-use crate::corners::LiveAxleState;
+use crate::corners::{BENDING, LiveAxleState, PANHARD, link_of};
 use crate::inputs::Readings;
 use crate::statics::AXIAL;
 
 /// Wheels of the axle.
 const WHEELS: [usize; 2] = [2, 3];
-/// Strain channels of a wheel of a live axle: upper link, lower link, Panhard rod (of the left wheel only), and the
-/// bending of the tube about the axle's x and z axes.
-const UPPER: usize = 0;
-const LOWER: usize = 2;
-const PANHARD: usize = 4;
-const BENDING: [usize; 2] = [5, 6];
 /// States of the offsets of the bending channels: those of axial channels that the axle does not have.
 const OFFSET_OF_BENDING: [usize; 2] = [1, 3];
 /// State of the self-stress.
@@ -353,16 +347,6 @@ fn value((gains, constant): &([f64; SHARED], f64), state: &State) -> f64 {
     let states = WHEELS.map(measured_states);
     let terms = states.as_flattened().iter().zip(gains);
     terms.map(|(i, gain)| gain * state[*i]).sum::<f64>() + constant
-}
-
-/// Link of a strain channel.
-fn link_of(side: usize, channel: usize) -> Option<usize> {
-    match (channel, side) {
-        (LOWER, _) => Some(side),
-        (UPPER, _) => Some(2 + side),
-        (PANHARD, 0) => Some(4),
-        _ => None,
-    }
 }
 
 /// Rows: both potentiometers, then the channels of the left wheel and those of the right one.

@@ -1,6 +1,8 @@
 //! Corners without geometry: the sensitivity matrix of each wheel from a load rig, and wheel-force transducers.
 
 use atvrec_estimator::calibration::load_rig::{LoadRig, RigLoad, load_rig};
+use atvrec_estimator::calibration::rest::{Rest, Signal};
+use atvrec_estimator::calibration::zero::{CornerRest, ZeroInput, zero};
 use atvrec_estimator::{Calibration, Estimator, EstimatorError, Settings};
 use model::sensors::{Sensors, StrainChain, Transducer};
 use model::steering::SteeringGear;
@@ -9,7 +11,10 @@ use model::vehicle::Vehicle;
 use nalgebra::{Rotation3, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sample::{Counts, EventKind, ForceSource, Measurement, Sample, StrainChannel, Wheel};
+use sample::{
+    Counts, EventKind, ForceSource, Measurement, PerWheel, STANDARD_GRAVITY_M_S2, Sample,
+    StrainChannel, Wheel,
+};
 use testkit::scoring::{self, carrier_squares, deviations, estimate, force_errors, row};
 use testkit::sensing;
 use testkit::truth::{self, RATE_HZ, Run};
@@ -303,6 +308,103 @@ fn channels_that_do_not_tell_the_forces_apart_are_refused() {
     ] {
         assert!(error.contains(part), "{error}");
     }
+}
+
+/// Ten seconds at a level with the noise of a converter.
+fn at_rest(random: &mut ChaCha8Rng, level: f64, counts_max: f64) -> Option<Rest> {
+    let time_s: Vec<f64> = (0..1000).map(|k| f64::from(k) * 0.01).collect();
+    let noisy = |_: &f64| (level + random.random_range(-1.0..1.0)).round();
+    let value: Vec<f64> = time_s.iter().map(noisy).collect();
+    let signal = Signal {
+        time_s: &time_s,
+        value: &value,
+    };
+    Rest::of(&signal, 0.0, 10.0, [0.0, counts_max])
+}
+
+/// The bridges have moved since the load rig. The wheels hang, which they did not on the rig.
+#[test]
+fn hanging_wheels_give_new_zeros_to_a_matrix() {
+    const MOVED_COUNTS: f64 = 40.0;
+    // 36 and 40 N of static loads of 1,400 to 1,900 N.
+    for (file, most) in [("full-bridge-16bit", 100.0), ("thesis-10bit", 1.5)] {
+        let sensors = Sensors::builtin(file).unwrap();
+        let (vehicle, known) = (without_geometry(), calibrated(&sensors));
+        let strain = sensors.strain.axial_scale().unwrap();
+        let pot = sensors.deflection.scale();
+        let mut random = ChaCha8Rng::seed_from_u64(11);
+        let maxima = [sensors.strain.adc_bits, sensors.deflection.adc_bits];
+        let [strain_max, pot_max] = maxima.map(|bits| f64::from(1_u32 << bits) - 1.0);
+        let hanging = PerWheel::from_fn(|wheel| {
+            let axle = truth::vehicle().axle(wheel);
+            let corner = Corner::of(truth::vehicle(), wheel).unwrap();
+            let gravity = Vector3::z() * STANDARD_GRAVITY_M_S2;
+            let hanging = corner.hanging(axle, 0.0, gravity).unwrap();
+            let forces = hanging.members.to_vector();
+            let design_m = axle.strut.as_ref().unwrap().design_length_m;
+            let compression_m = design_m - hanging.pose.strut_length_m;
+            let mut rest = CornerRest {
+                deflection: at_rest(&mut random, pot.level(compression_m), pot_max),
+                ..CornerRest::default()
+            };
+            for (i, slot) in rest.strain[..5].iter_mut().enumerate() {
+                let level = strain.level(forces[i]) + MOVED_COUNTS;
+                *slot = at_rest(&mut random, level, strain_max);
+            }
+            rest
+        });
+        let found = zero(&ZeroInput {
+            vehicle: &vehicle,
+            sensors: &sensors,
+            known: &known,
+            hanging: &hanging,
+            standing: None,
+            specific_force_m_s2: [0.0, 0.0, STANDARD_GRAVITY_M_S2],
+            steering_wheel_rad: [0.0; 2],
+            weight_sigma: 0.02,
+        })
+        .unwrap();
+        for wheel in Wheel::ALL {
+            for (channel, slot) in &found.calibration.corner[&wheel].strain {
+                let before = known.corner[&wheel].strain[channel].offset_counts.unwrap();
+                let moved = slot.offset_counts.unwrap() - before;
+                let sigma = slot.offset_sigma_counts.unwrap();
+                println!(
+                    "{file} {wheel} {}: {:.2} ± {sigma:.2} counts",
+                    channel.name(),
+                    moved - MOVED_COUNTS
+                );
+                assert!(
+                    (moved - MOVED_COUNTS).abs() < most
+                        && (moved - MOVED_COUNTS).abs() < 3.0 * sigma,
+                    "{wheel} {}: {moved}",
+                    channel.name()
+                );
+            }
+        }
+    }
+}
+
+/// Nothing tells what a channel reads of a hanging wheel before the load rig.
+#[test]
+fn a_zero_without_geometry_and_without_a_matrix_is_refused() {
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let vehicle = without_geometry();
+    let error = zero(&ZeroInput {
+        vehicle: &vehicle,
+        sensors: &sensors,
+        known: &Calibration::nominal(&vehicle.name),
+        hanging: &PerWheel::default(),
+        standing: None,
+        specific_force_m_s2: [0.0, 0.0, STANDARD_GRAVITY_M_S2],
+        steering_wheel_rad: [0.0; 2],
+        weight_sigma: 0.02,
+    });
+    let error = error.unwrap_err().to_string();
+    assert!(
+        error.contains("FL") && error.contains("`calibrate load-rig` first"),
+        "{error}"
+    );
 }
 
 #[test]

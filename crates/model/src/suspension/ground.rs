@@ -29,10 +29,21 @@ impl TyreFrame {
         unloaded_radius_m: f64,
         compression_m: f64,
     ) -> Self {
-        let x = pose.spindle.cross(&normal).normalize();
-        let upward = (normal - pose.spindle * normal.dot(&pose.spindle)).normalize();
+        let radius_m = unloaded_radius_m - compression_m;
+        Self::of_wheel(pose.wheel_centre_m, pose.spindle, normal, radius_m)
+    }
+
+    /// The frame of a wheel by its centre, m, its spindle and the radius of the loaded tyre, m.
+    pub(super) fn of_wheel(
+        centre_m: Vector3<f64>,
+        spindle: Vector3<f64>,
+        normal: Vector3<f64>,
+        radius_m: f64,
+    ) -> Self {
+        let x = spindle.cross(&normal).normalize();
+        let upward = (normal - spindle * normal.dot(&spindle)).normalize();
         Self {
-            contact_m: pose.wheel_centre_m - upward * (unloaded_radius_m - compression_m),
+            contact_m: centre_m - upward * radius_m,
             vehicle_from_tyre: Matrix3::from_columns(&[x, normal.cross(&x), normal]),
         }
     }

@@ -18,6 +18,7 @@
 //! of the elongations of the links.
 
 mod path;
+mod rest;
 mod statics;
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, SMatrix, SVector, Vector3, Vector6};
@@ -26,6 +27,7 @@ use super::linkage::PointPath;
 use super::{SuspensionError, finite};
 use crate::vehicle::Vehicle;
 
+pub use rest::LiveAxleAtRest;
 pub use statics::{LiveAxleMembers, LiveAxleMotion, LiveAxleStatics};
 
 /// Number of links: lower left, lower right, upper left, upper right, Panhard rod.

@@ -73,7 +73,7 @@ impl Design {
         let sum: f64 = loads.iter().map(|load| load.compression_m).sum();
         let compression_m = sum / loads.len() as f64;
         let rows = loads.iter().map(|load| {
-            let passing = passing(vehicle, load);
+            let passing = passing(vehicle, load, None);
             let more_m = load.compression_m - compression_m;
             SVector::from_fn(|i, _| match i {
                 0..6 => passing[i],

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use sample::{StrainChannel, Wheel};
+use sample::{Mounting, StrainChannel, Wheel};
 
 use super::Said;
 use crate::calibration::Channel;
@@ -31,6 +31,8 @@ pub struct ChannelFault {
     pub wheel: Wheel,
     /// Strain channel; without one, the spring potentiometer.
     pub channel: Option<StrainChannel>,
+    /// What carries the wheel, for the channel's name.
+    pub mounting: Option<Mounting>,
     /// What it is.
     pub kind: FaultKind,
 }
@@ -101,7 +103,8 @@ impl FaultKind {
 
 impl fmt::Display for ChannelFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let channel = self.channel.map_or("deflection", StrainChannel::name);
+        let name = |channel: StrainChannel| channel.name_on(self.mounting);
+        let channel = self.channel.map_or("deflection", name);
         write!(f, "{} {channel} ", self.wheel)?;
         match self.kind {
             FaultKind::Silent => write!(f, "sends nothing; it is called dead"),

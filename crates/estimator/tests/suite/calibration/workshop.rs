@@ -2,11 +2,12 @@ use atvrec_estimator::calibration::steer::{PlateReading, steer};
 use atvrec_estimator::calibration::weight::{ScaleReading, weight};
 use atvrec_estimator::{Calibration, Estimator, Settings};
 use model::sensors::Sensors;
+use model::suspension::{Corner, LinkedAxle};
 use model::vehicle::Vehicle;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use sample::PerWheel;
+use sample::{PerWheel, Wheel};
 
 const OFFSET_RAD: f64 = 0.12;
 const LASH_RAD: f64 = 0.10;
@@ -116,7 +117,7 @@ fn fewer_than_three_loads_are_refused_and_springs_reach_the_estimator() {
         &scales(&[0.0, 60.0, 120.0, 180.0, 120.0, 60.0]),
     )
     .expect("sound");
-    let spring = found.calibration.corner[&sample::Wheel::FrontLeft]
+    let spring = found.calibration.corner[&Wheel::FrontLeft]
         .spring
         .expect("sound");
     assert!((spring.rate_n_m / 65_000.0 - 1.0).abs() < 0.1, "{spring:?}");
@@ -126,4 +127,32 @@ fn fewer_than_three_loads_are_refused_and_springs_reach_the_estimator() {
     assert!((strut.design_preload_n() - spring.preload_n).abs() < 1.0);
     let sensors = Sensors::builtin("thesis-10bit").expect("sound");
     assert!(Estimator::new(&vehicle, &sensors, &found.calibration, Settings::default()).is_ok());
+}
+
+/// Loads, lengths and forces of the springs of the standing vehicle in the simulator that made its truth runs
+/// (`vehicle.json`, `static`): MacPherson struts in front, a live axle at the rear.
+#[test]
+fn scales_give_the_spring_forces_of_struts_and_of_a_live_axle() {
+    const LENGTH_M: [f64; 4] = [0.48529, 0.50892, 0.26764, 0.28381];
+    const LOAD_N: [f64; 4] = [4112.3, 3389.2, 4061.9, 3740.2];
+    const SPRING_N: [f64; 4] = [3741.5, 3067.9, 3472.8, 2971.5];
+    let vehicle = Vehicle::builtin("second-vehicle").expect("sound");
+    let corner = Corner::of(&vehicle, Wheel::FrontLeft).expect("sound");
+    let front_m = corner.design_strut_length_m();
+    let [left_m, right_m] = (LinkedAxle::of(&vehicle).expect("sound")).design_lengths_m();
+    let design_m = [front_m, front_m, left_m, right_m];
+    let readings = [0.0, 1.0, 2.0].map(|more| ScaleReading {
+        load_n: PerWheel(LOAD_N.map(|load_n| load_n + 300.0 * more)),
+        compression_m: PerWheel(std::array::from_fn(|i| {
+            design_m[i] - LENGTH_M[i] + 0.01 * more
+        })),
+    });
+    let known = Calibration::nominal(&vehicle.name);
+    let found = weight(&vehicle, &known, &readings).expect("sound");
+    let figure = &found.findings.figures[0];
+    for (series, expected_n) in figure.series.iter().zip(SPRING_N) {
+        let found_n = series.y[0];
+        println!("{}: {found_n:.1} of {expected_n} N", series.name);
+        assert!((found_n / expected_n - 1.0).abs() < 0.01, "{}", series.name);
+    }
 }

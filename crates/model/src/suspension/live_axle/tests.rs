@@ -207,3 +207,55 @@ fn leaf_springs_carry_what_the_wheels_bring() {
         "{members}"
     );
 }
+
+/// Lengths and forces of the springs, and the forces of the links, of the standing vehicle in the simulator that made
+/// the truth runs (its `vehicle.json`, `static`). The vehicle leans to the driver's side.
+#[test]
+fn the_axle_stands_as_in_an_independent_simulator() {
+    const ROLL_RAD: f64 = -0.018_62;
+    let vehicle = Vehicle::builtin("second-vehicle").expect("ships with the project");
+    let axle = LinkedAxle::of(&vehicle).expect("a sound axle");
+    let level = Vector3::new(0.0, math::sin(ROLL_RAD), math::cos(ROLL_RAD)) * 9.81;
+    let rest = (axle.at_rest(&vehicle.rear, [4061.9, 3740.2], level)).expect("springs carry it");
+    let [left_m, right_m] = rest.pose.lengths_m;
+    assert!((left_m - 0.26764).abs() < 0.0005, "{left_m} m");
+    assert!((right_m - 0.28381).abs() < 0.0005, "{right_m} m");
+    let [left_n, right_n] = rest.members.springs_n;
+    assert!((left_n - 3472.8).abs() < 15.0, "{left_n} N");
+    assert!((right_n - 2971.5).abs() < 15.0, "{right_n} N");
+    assert_eq!(rest.members.dampers_n, [0.0; 2]);
+    let expected_n = [218.2, -124.8, -118.8, 309.8, 120.3];
+    for (found_n, expected_n) in rest.members.links_n.into_iter().zip(expected_n) {
+        assert!((found_n - expected_n).abs() < 30.0, "{rest:?}");
+    }
+}
+
+#[test]
+fn a_hanging_axle_is_held_by_its_droop_stops() {
+    let vehicle = Vehicle::builtin("second-vehicle").expect("ships with the project");
+    let axle = LinkedAxle::of(&vehicle).expect("a sound axle");
+    let level = Vector3::z() * 9.81;
+    let rest = (axle.at_rest(&vehicle.rear, [0.0; 2], level)).expect("stops hold it");
+    let unsprung = vehicle.rear.unsprung.as_ref().expect("has masses");
+    // All members together carry the weight.
+    let pull_n = |line: &AxleLine, tension_n: f64| rest.pose.line(line).0.z * tension_n;
+    let links = axle.links.iter().zip(rest.members.links_n);
+    let springs = axle.springs.iter().zip(rest.members.springs_n);
+    let dampers = axle.dampers.iter().zip(rest.members.dampers_n);
+    let pushing = springs.chain(dampers).map(|(line, push_n)| (line, -push_n));
+    let carried_n: f64 = links
+        .chain(pushing)
+        .map(|(line, tension_n)| pull_n(line, tension_n))
+        .sum();
+    let weight_n = 2.0 * unsprung.total_mass_kg() * 9.81;
+    assert!(
+        (carried_n - weight_n).abs() < 1e-3,
+        "{carried_n} of {weight_n} N"
+    );
+    assert!(
+        rest.members
+            .dampers_n
+            .iter()
+            .all(|force_n| *force_n < -100.0)
+    );
+}
