@@ -224,20 +224,13 @@ impl Zero {
                 dead: false,
                 temperature: slot.temperature,
             };
-            // The bootstrap of the readings knows neither the model's error nor the converter's steps.
-            let as_wide = |[low, high]: [f64; 2]| {
-                let widen = (2.0 * SIGMAS_95 * sigma / (high - low)).max(1.0);
-                [low, high].map(|end| offset + widen * (end - rest.mean))
-            };
-            let is_wide = |[low, high]: &[f64; 2]| high - low > 1e-9 * sigma;
-            let interval = rest.interval.filter(is_wide).map(as_wide);
             let name = channel.map_or("deflection", |channel| channel.name_on(said.mounting));
             self.findings.findings.push(Finding {
                 name: format!("{wheel} {name} offset"),
                 value: offset,
                 unit: "counts".to_owned(),
                 sigma,
-                interval: interval.or_else(|| Some(interval_95(offset, sigma))),
+                interval: Some(interval(rest, offset, sigma)),
                 condition: 1.0,
                 excitation: None,
                 whiteness: Some(rest.whiteness),
@@ -251,6 +244,19 @@ impl Zero {
                 mounting: said.mounting,
                 kind,
             }));
+    }
+}
+
+/// Interval of an offset by the bootstrap of the readings, which knows neither the model's error nor the converter's
+/// steps, as wide as its standard deviation.
+fn interval(rest: &Rest, offset: f64, sigma: f64) -> [f64; 2] {
+    let is_wide = |[low, high]: &[f64; 2]| high - low > 1e-9 * sigma;
+    match rest.interval.filter(is_wide) {
+        Some([low, high]) => {
+            let widen = (2.0 * SIGMAS_95 * sigma / (high - low)).max(1.0);
+            [low, high].map(|end| offset + widen * (end - rest.mean))
+        }
+        None => interval_95(offset, sigma),
     }
 }
 
