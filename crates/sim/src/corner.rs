@@ -1,12 +1,15 @@
 //! One corner's strain bridges and spring potentiometer.
 
-use model::sensors::{BendingBridge, Bridge, Potentiometers, Sensors, StrainChain};
+use model::sensors::{BendingBridge, Bridge, Potentiometers, Sensors, StrainChain, Transducer};
 use model::strain::{ChannelScale, Lag};
 use model::vehicle::Vehicle;
-use sample::{StrainChannel, Wheel};
+use nalgebra::Vector3;
+use sample::{STANDARD_GRAVITY_M_S2, StrainChannel, Wheel, WheelAxes};
 
 use crate::faults::{ChannelFaultKind, Faults};
 use crate::hidden::Hidden;
+use crate::imu::specific_force_at;
+use crate::motion::spindle;
 use crate::random::Noise;
 use crate::{Motion, Options, SimError, TruthState};
 
@@ -23,6 +26,10 @@ pub(crate) struct Corner {
     /// From the lower ball joint to the gauges that feel bending, m.
     gauge_distance_m: f64,
     strut_design_length_m: Option<f64>,
+    /// Wheel-force transducers in the place of gauges on the suspension.
+    transducer: Option<Transducer>,
+    /// Wheel centre in the design position, from the centre of gravity, m.
+    centre_m: Vector3<f64>,
     strain: [Option<Channel>; StrainChannel::COUNT],
     strain_noise_counts: f64,
     /// Absent if no potentiometer is fitted.
@@ -58,6 +65,8 @@ impl Corner {
     ) -> Result<Self, SimError> {
         let axle = vehicle.axle(wheel);
         check_strain(sensors)?;
+        let [ahead_m, left_m] = vehicle.wheel_place_m(wheel);
+        let height_m = axle.tyre.unloaded_radius_m - vehicle.body.cg_height_m;
         let mut noise = Noise::new(seed, &format!("corner {wheel}"));
         let pot_offset_counts = noise.within(sensors.deflection.zero_error_counts)
             + hidden.potentiometer_offset_counts[wheel];
@@ -69,6 +78,8 @@ impl Corner {
                 .as_ref()
                 .map_or(BENDING_WIRED_DISTANCE_M, |b| b.distance_from_ball_joint_m),
             strut_design_length_m: axle.strut.as_ref().map(|strut| strut.design_length_m),
+            transducer: sensors.strain.transducer,
+            centre_m: Vector3::new(ahead_m, left_m, height_m),
             strain: [const { None }; StrainChannel::COUNT],
             strain_noise_counts: sensors.strain.noise_counts,
             pot: (!sensors.deflection.is_not_fitted())
@@ -227,6 +238,11 @@ impl Corner {
     /// of bending; `NaN` where the motion does not tell.
     fn loads(&self, state: &TruthState) -> [f64; StrainChannel::COUNT] {
         let wheel = &state.wheels[self.wheel];
+        if let Some(transducer) = &self.transducer {
+            let [x, y, z] = self.transducer_n(state, transducer.outboard_mass_kg);
+            let none = f64::NAN;
+            return [x, y, z, none, none, none, none];
+        }
         let [uf, ur, lf, lr, tie] = wheel.link_force_n;
         // The ball-joint force normal to the arm bends both lower tubes, each by one half.
         let moment = wheel.ball_normal_n * self.gauge_distance_m / 2.0;
@@ -235,6 +251,30 @@ impl Corner {
             return [uf, ur, lf, lr, tie, vertical, horizontal];
         }
         [uf, ur, lf, lr, tie, moment, moment]
+    }
+
+    /// What a wheel-force transducer measures along the axes of the wheel carrier, N: the force of the ground, less
+    /// weight and inertia of the outboard mass. Where the motion does not tell the wheel's own acceleration and
+    /// inclination, the wheel moves with the body and is upright.
+    fn transducer_n(&self, state: &TruthState, outboard_kg: f64) -> [f64; 3] {
+        let wheel = &state.wheels[self.wheel];
+        let with_body = specific_force_at(state, &self.centre_m);
+        let (axes, force_n, specific_force_m_s2) = match &wheel.ground {
+            Some(ground) => {
+                let axes = WheelAxes::carrier(ground.spindle_body);
+                let own = ground.centre_acceleration_m_s2.map(|acceleration| {
+                    Vector3::from(acceleration) + state.up_body() * STANDARD_GRAVITY_M_S2
+                });
+                let force_n = axes.resolve(ground.force_body_n);
+                (axes, force_n, own.unwrap_or(with_body))
+            }
+            None => {
+                let spindle = spindle(wheel.steer_rad, 0.0);
+                (WheelAxes::carrier(spindle), wheel.force_n, with_body)
+            }
+        };
+        let of_mass = axes.resolve(specific_force_m_s2.into());
+        std::array::from_fn(|axis| force_n[axis] - outboard_kg * of_mass[axis])
     }
 }
 
@@ -280,17 +320,8 @@ fn bending_wired_scale(chain: &StrainChain) -> Result<ChannelScale, SimError> {
     })
 }
 
-/// Whether the virtual vehicle has such strain channels, and the converter's counts fit into the fields of
-/// the bus.
+/// Whether the converter's counts fit into the fields of the bus.
 fn check_strain(sensors: &Sensors) -> Result<(), SimError> {
-    if let Some(transducer) = &sensors.strain.transducer {
-        return Err(SimError::BadParameter {
-            name: "strain.transducer.outboard_mass_kg".to_owned(),
-            value: transducer.outboard_mass_kg,
-            expected: "no wheel-force transducers, which the virtual vehicle does not have; choose a sensors file \
-                       with gauges on the suspension",
-        });
-    }
     if sensors.strain.adc_bits <= SENT_BITS {
         return Ok(());
     }

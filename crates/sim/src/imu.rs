@@ -139,7 +139,7 @@ impl Imu {
 }
 
 /// Specific force at a point `r` from the centre of gravity: f + w' x r + w x (w x r), body axes.
-fn specific_force_at(state: &TruthState, r: &Vector3<f64>) -> Vector3<f64> {
+pub(crate) fn specific_force_at(state: &TruthState, r: &Vector3<f64>) -> Vector3<f64> {
     let rate = Vector3::from(state.rate_rad_s);
     Vector3::from(state.specific_force_m_s2)
         + Vector3::from(state.rate_derivative_rad_s2).cross(r)
