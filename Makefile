@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test test-all beside-rig check fmt clippy unit doc deny python browser screenshots thesis rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb arm64 clean wheel windows
+.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python browser screenshots thesis rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb arm64 clean wheel windows
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -24,14 +24,7 @@ test: export ATVREC_REQUIRE_DATA ?= 0
 test: $(TESTS) ## All that needs nothing beside the project: 25 minutes cold on two quiet cores
 
 test-all: export STALL_S ?= 60
-test-all: setup check ## The same with the recordings in ../shared, make thesis and the browser, as CI runs it: 70 minutes
-	@scripts/test-rig build
-	@$(MAKE) --no-print-directory -j2 --output-sync=target rig beside-rig
-	@$(MAKE) --no-print-directory browser
-
-# The virtual machines of the rig occupy one processor. What needs no quiet one runs beside them at a low priority.
-beside-rig:
-	@nice -n 10 $(MAKE) --no-print-directory -j1 python thesis
+test-all: $(TESTS) thesis browser ## The same with the recordings in ../shared, make thesis and the browser, as CI runs it: 70 minutes
 
 check: setup fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
 
