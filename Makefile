@@ -21,10 +21,10 @@ demo: setup ## Record a virtual drive, replay it bit for bit, draw the report
 TESTS := setup check python rig
 
 test: export ATVREC_REQUIRE_DATA ?= 0
-test: $(TESTS) ## All that needs nothing beside the project: 25 minutes cold on two quiet cores
+test: $(TESTS) ## All that needs nothing beside the project
 
 test-all: export STALL_S ?= 60
-test-all: $(TESTS) thesis browser ## The same with the recordings in ../shared, make thesis and the browser, as CI runs it: 70 minutes
+test-all: $(TESTS) thesis browser ## The same with the recordings in ../shared, make thesis and the browser, as CI runs it
 
 check: setup fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
 
