@@ -95,17 +95,7 @@ impl Corner {
         };
         let first = corner.loads(&motion.states()[0]);
         for channel in StrainChannel::ALL {
-            let bends = matches!(
-                channel,
-                StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending
-            );
-            let scale = if sensors.strain.is_not_fitted() {
-                None
-            } else if bends {
-                sensors.strain.bending_scale()?
-            } else {
-                Some(sensors.strain.axial_scale()?)
-            };
+            let scale = channel_scale(&sensors.strain, channel)?;
             let Some(scale) = scale else {
                 continue;
             };
@@ -296,6 +286,22 @@ pub(crate) fn potentiometer_scale(
     } else {
         Err(bad("span_m", pots.span_m, "above 0"))
     }
+}
+
+/// Scale of a strain channel; `None` if it is not fitted.
+fn channel_scale(
+    strain: &StrainChain,
+    channel: StrainChannel,
+) -> Result<Option<ChannelScale>, SimError> {
+    if strain.is_not_fitted() {
+        return Ok(None);
+    }
+    Ok(match channel {
+        StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending => {
+            strain.bending_scale()?
+        }
+        _ => Some(strain.axial_scale()?),
+    })
 }
 
 /// The axial channel's gauges in adjacent arms of the bridge, the mistake of the thesis's section

@@ -74,8 +74,8 @@ pub struct LoadRig {
 /// Finds gains and wiring.
 ///
 /// # Errors
-/// Too few loads on a corner, loads on a solid axle, loads that leave a direction out, a linkage that does not assemble, a corner
-/// without geometry whose channels do not tell the three forces apart.
+/// Too few loads on a corner, loads on a solid axle, loads that leave a direction out, a linkage that does not
+/// assemble, a corner without geometry whose channels do not tell the three forces apart.
 pub fn load_rig(
     vehicle: &Vehicle,
     sensors: &Sensors,
