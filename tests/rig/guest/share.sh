@@ -11,7 +11,10 @@ drive() {
 
 # A first drive of a moment leaves the configuration; the recorder waits for the ports to come back.
 drive 0.01
+# Its last section is [storage]. The emulated processor estimates more slowly than real time, and the test
+# compares the counts of the health, which are those of the arrivals that have results.
 cat /tmp/ports/atvrec.toml - >/tmp/ports/controllers.toml <<'CONFIG'
+stop_within_s = 120
 
 [output.can]
 interface = "vcan0"
